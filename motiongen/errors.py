@@ -1,0 +1,20 @@
+"""The one error type that a user's mistake raises."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class MotionGenError(ValueError):
+    """A mistake in what the user gave: a file, an option, a constraint.
+
+    The message is one line that says what came, what is allowed and what to do. The command line prints it without a
+    traceback and exits with code 2. A bug in motiongen itself is never a `MotionGenError`.
+    """
+
+
+def nearest_of(name: str, allowed: Iterable[str]) -> str:
+    """`"; did you mean 'x'?"` for the allowed name closest to `name`, or an empty string when none is close."""
+    close = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
+    return f"; did you mean '{close[0]}'?" if close else ""
