@@ -318,8 +318,8 @@ def concatenate(motions: Sequence[Motion], align: bool = True) -> Motion:
     first = motions[0]
     translating = tuple(sorted({j for m in motions for j in m.translating}))
     joined = [first.with_translating(translating)]
-    for motion in motions[1:]:
-        motion = motion.with_translating(translating)
+    for following in motions[1:]:
+        motion = following.with_translating(translating)
         if found := first.skeleton.difference(motion.skeleton, ignoring=translating):
             raise MotionGenError(f"'{motion.name}' has another skeleton than '{first.name}': {found}")
         if not math.isclose(motion.frame_rate, first.frame_rate, rel_tol=1e-6):
