@@ -43,6 +43,20 @@ def forward(skeleton: Skeleton, rotations: Array, translations: Array) -> tuple[
     return world_rotations, world_positions
 
 
+def forward_chain(rotations: Array, translations: Array) -> tuple[Array, Array]:
+    """World rotation (T, 4) and position (T, 3) of the last joint of a chain that starts at the root.
+
+    Args:
+        rotations: (T, N, 4) local rotations of the chain's joints, root first.
+        translations: (T, N, 3) their local translations.
+    """
+    rotation, position = rotations[:, 0], translations[:, 0]
+    for joint in range(1, rotations.shape[1]):
+        position = position + rot.rotate(rotation, translations[:, joint])
+        rotation = rot.multiply(rotation, rotations[:, joint])
+    return rotation, position
+
+
 def end_site_positions(motion: Motion) -> Array:
     """(T, S, 3) world positions of the end sites, in the order of `skeleton.end_sites`."""
     joints = list(motion.skeleton.end_sites)

@@ -1,0 +1,16 @@
+"""What comes with the package: the example clip and the configuration files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent
+
+EXAMPLE_CLIP = _PACKAGE / "assets" / "cmu_01_01.bvh"
+"""CMU subject 1, trial 1: jumping forward and turning round, 30 Hz. See NOTICE for its source."""
+
+
+def config_folder() -> Path:
+    """The Hydra configuration tree: inside the installed package, or at the root of a source checkout."""
+    inside = _PACKAGE / "configs"
+    return inside if inside.is_dir() else _PACKAGE.parent / "configs"

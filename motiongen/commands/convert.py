@@ -1,0 +1,33 @@
+"""`motiongen convert IN OUT`: another format, rate, unit or up axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from motiongen import io
+from motiongen.commands.arguments import Parser, add_reading_arguments
+from motiongen.motion import METRES_PER_UNIT, UP_AXES
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Read a clip, change what is asked for, write it."""
+    parser = Parser(prog="motiongen convert", description="Write a clip in another format, rate, unit or up axis.")
+    parser.add_argument("clip", help="the clip to read")
+    parser.add_argument("out", help=f"the file to write; its suffix chooses the format: {', '.join(io.formats())}")
+    add_reading_arguments(parser)
+    parser.add_argument("--rate", type=float, help="frame rate in Hz to resample to")
+    parser.add_argument("--to-unit", choices=tuple(METRES_PER_UNIT), help="length unit to write")
+    parser.add_argument("--to-up", choices=UP_AXES, help="up axis to write")
+    parser.add_argument("--mirror", action="store_true", help="exchange left and right")
+    options = parser.parse_args(arguments)
+    motion = io.load(options.clip, up=options.up, unit=options.unit)
+    if options.rate is not None:
+        motion = motion.resample(options.rate)
+    if options.mirror:
+        motion = motion.mirror()
+    if options.to_unit is not None:
+        motion = motion.convert_unit(options.to_unit)
+    if options.to_up is not None:
+        motion = motion.change_up(options.to_up)
+    motion.save(options.out)
+    print(f"{options.out}: {len(motion)} frames at {motion.frame_rate:g} Hz, {len(motion.skeleton)} joints")

@@ -1,0 +1,127 @@
+"""Run a Hydra application under our rules: a mistake costs one line, with the nearest valid key, and no traceback."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import hydra
+from hydra.core.config_store import ConfigStore
+from hydra.errors import ConfigCompositionException, HydraException, MissingConfigException, OverrideParseException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from motiongen.assets import config_folder
+from motiongen.errors import MotionGenError, nearest_of
+from motiongen.generators.registry import BUILT_IN, specs
+
+FLAGS = ("--help", "--hydra-help", "--version", "--cfg", "--resolve", "--package", "--multirun", "--info",
+         "--experimental-rerun", "--config-path", "--config-name", "--config-dir", "--shell-completion")  # fmt: skip
+
+
+def run_application(task: Callable[[DictConfig], None], config_name: str, arguments: Sequence[str]) -> None:
+    """Compose `config_name` with the overrides in `arguments` and call `task` with the result.
+
+    Args:
+        task: what to do with the composed configuration.
+        config_name: the primary configuration, without suffix.
+        arguments: overrides (key=value) and Hydra's own flags.
+
+    Raises:
+        MotionGenError: for anything that is wrong with the arguments or the configuration.
+    """
+    _refuse_unknown_flags(arguments, config_name)
+    _offer_plug_ins()
+    os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # exceptions come through, for us to put in words
+    failures: list[MotionGenError] = []
+
+    def collecting(config: DictConfig) -> None:
+        # Raised through Hydra, a mistake would be printed by it as well, and would end a sweep at its first failure.
+        try:
+            task(config)
+        except MotionGenError as error:
+            failures.append(error)
+
+    application = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=config_name)(collecting)
+    before = sys.argv
+    sys.argv = [f"motiongen {config_name}", *(_quoted(argument) for argument in arguments)]
+    try:
+        application()
+    except (HydraException, OmegaConfBaseException) as error:
+        raise MotionGenError(_explained(error, config_name)) from error
+    finally:
+        sys.argv = before
+    if len(failures) > 1:
+        raise MotionGenError(f"{len(failures)} runs of the sweep failed, the first with: {failures[0]}")
+    if failures:
+        raise failures[0]
+
+
+def _refuse_unknown_flags(arguments: Sequence[str], config_name: str) -> None:
+    for argument in arguments:
+        flag = argument.split("=")[0]
+        if flag.startswith("--") and not any(known.startswith(flag) for known in FLAGS):
+            raise MotionGenError(
+                f"{config_name} takes settings as key=value, such as seed=1, and has no flag '{flag}'; "
+                f"see `motiongen {config_name} --help`"
+            )
+
+
+def _offer_plug_ins() -> None:
+    """Let `generator=NAME` choose the generators of other packages, with their options' defaults."""
+    built_in = {spec.name for spec in BUILT_IN}
+    store = ConfigStore.instance()
+    for name, spec in specs().items():
+        if name not in built_in and spec.error is None:
+            store.store(group="generator", name=name, node={"name": name, **spec.options_type()().to_dict()})
+
+
+def _quoted(argument: str) -> str:
+    """`key=path` with the path in quotes where Hydra's grammar would stumble over it."""
+    key, equals, value = argument.partition("=")
+    plain = re.fullmatch(r"[\w./~+-]*", value) is not None
+    if not equals or plain or key not in ("input", "output") or value[0] in "[{'\"" or "${" in value:
+        return argument
+    if key == "input" and not Path(value).exists():
+        return argument
+    escaped = value.replace("\\", "\\\\").replace("'", "\\'")
+    return f"{key}='{escaped}'"
+
+
+def _explained(error: Exception, config_name: str) -> str:
+    """One line for what Hydra or OmegaConf found wrong."""
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file is not None:
+        group, _, choice = error.missing_cfg_file.rpartition("/")
+        options = list(error.options or [])
+        near = nearest_of(choice, options) or ";"
+        return f"there is no {group or 'configuration'} '{choice}'{near} there are {', '.join(options) or 'none'}"
+    if isinstance(error, OverrideParseException):
+        return f"cannot read the setting '{error.override}'; write key=value, with quotes around odd characters"
+    cause = error.__cause__ if isinstance(error, ConfigCompositionException) else error
+    key = getattr(cause, "full_key", None) or getattr(cause, "key", None)
+    if isinstance(cause, OmegaConfBaseException) and key is not None and "not in struct" in str(cause):
+        return _unknown_key(str(key), config_name)
+    return " ".join(str(cause or error).split("\n")[0].split())
+
+
+def _unknown_key(key: str, config_name: str) -> str:
+    with hydra.initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
+        config = hydra.compose(config_name)
+    keys = _all_keys(config)
+    parent = key.rpartition(".")[0]
+    near = nearest_of(key, keys) or nearest_of(f"generator.{key}", keys)
+    siblings = [k for k in keys if k.rpartition(".")[0] == parent] or [k for k in keys if "." not in k]
+    return f"unknown setting '{key}'{near or ';'} the settings are {', '.join(siblings)}"
+
+
+def _all_keys(config: DictConfig, prefix: str = "") -> list[str]:
+    keys: list[str] = []
+    for key in config:
+        full = f"{prefix}{key}"
+        keys.append(full)
+        if OmegaConf.is_dict(config._get_node(key)):  # not resolved: an interpolation may not be resolvable here
+            keys += _all_keys(config[key], full + ".")
+    return keys

@@ -1,0 +1,168 @@
+"""What a user can ask of a synthesis besides its length. Small frozen records; they mean the same for every generator.
+
+A generator says in its capabilities which of them it takes, and refuses the others before it starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motiongen.errors import MotionGenError
+from motiongen.motion import Motion
+from motiongen.skeleton import Skeleton, frozen_array
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Base of all constraints."""
+
+    def check(self, skeleton: Skeleton, frames: int) -> None:
+        """Raise MotionGenError unless this constraint fits a synthesis of `frames` frames on `skeleton`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframes(Constraint):
+    """Poses that hold exactly at their frames.
+
+    Attributes:
+        poses: frame of the synthesis -> a one-frame motion.
+    """
+
+    poses: Mapping[int, Motion]
+
+    def __post_init__(self) -> None:
+        """Check that there are poses, of one frame each."""
+        if not self.poses:
+            raise MotionGenError("Keyframes needs at least one pose; none came")
+        for frame, pose in self.poses.items():
+            if len(pose) != 1:
+                raise MotionGenError(f"the key at frame {frame} must be one frame, not {len(pose)}; take one: clip[10]")
+        object.__setattr__(self, "poses", MappingProxyType({int(f): p for f, p in sorted(self.poses.items())}))
+
+    def check(self, skeleton: Skeleton, frames: int) -> None:
+        """Keys must lie within the synthesis and be poses of its skeleton."""
+        for frame, pose in self.poses.items():
+            if not 0 <= frame < frames:
+                raise MotionGenError(f"there is no frame {frame} for a key; frames go from 0 to {frames - 1}")
+            _check_skeleton(f"the key at frame {frame}", skeleton, pose)
+
+
+@dataclass(frozen=True)
+class Loop(Constraint):
+    """The synthesis can be played over and over: its end leads into its beginning in pose and velocity.
+
+    Attributes:
+        in_place: whether the character ends where it began; False lets it travel, None does what the examples do.
+    """
+
+    in_place: bool | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FixedJoints(Constraint):
+    """Motion completion: some joints move exactly as given, the rest is synthesised.
+
+    Attributes:
+        motion: holds the given joints' motion, at least as long as the synthesis.
+        joints: names or shell-style patterns of the given joints.
+    """
+
+    motion: Motion
+    joints: tuple[str, ...]
+
+    def check(self, skeleton: Skeleton, frames: int) -> None:
+        """The motion must be of the same skeleton and long enough, and the patterns must match."""
+        _check_skeleton("the motion of the fixed joints", skeleton, self.motion)
+        skeleton.select(self.joints)
+        if len(self.motion) < frames:
+            raise MotionGenError(
+                f"the motion of the fixed joints has {len(self.motion)} frames, {frames} are asked for; ask for fewer"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class RootPath(Constraint):
+    """The root follows a path over the ground.
+
+    Attributes:
+        points: (P, 2) places on the ground (x, z), in the unit of the examples, at least two.
+        facing_radians: (P,) heading at each point, counter-clockwise from +z seen from above; None: as the examples
+            move.
+    """
+
+    points: NDArray[np.float64]
+    facing_radians: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the shapes and freeze the arrays."""
+        points = frozen_array(self.points, (-1, 2), "points of the root path")
+        if len(points) < 2:
+            raise MotionGenError(f"a root path needs at least two points, not {len(points)}")
+        object.__setattr__(self, "points", points)
+        if self.facing_radians is not None:
+            facing = frozen_array(self.facing_radians, (len(points),), "facing_radians of the root path")
+            object.__setattr__(self, "facing_radians", facing)
+
+
+@dataclass(frozen=True, eq=False)
+class Segment(Constraint):
+    """Redo some frames of a clip and keep every other one bit for bit.
+
+    Attributes:
+        motion: the clip, as long as the synthesis.
+        start: the first frame to redo.
+        stop: the first frame after those to redo.
+    """
+
+    motion: Motion
+    start: int
+    stop: int
+
+    def check(self, skeleton: Skeleton, frames: int) -> None:
+        """The clip must be as long as the synthesis, and the frames must lie in it."""
+        _check_skeleton("the clip of the segment", skeleton, self.motion)
+        if len(self.motion) != frames:
+            raise MotionGenError(
+                f"the clip of the segment has {len(self.motion)} frames; ask for as many, not {frames}"
+            )
+        if not 0 <= self.start < self.stop <= frames:
+            raise MotionGenError(
+                f"the segment {self.start}:{self.stop} does not lie in a clip with frames 0 to {frames - 1}"
+            )
+
+
+@dataclass(frozen=True)
+class Parts(Constraint):
+    """Skeletal parts, matched and blended apart (GenMM section 3.3).
+
+    Attributes:
+        joints: name of the part -> names or shell-style patterns of its joints; parts may overlap. Empty: found from
+            the tree alone.
+    """
+
+    joints: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Freeze the mapping."""
+        parts = {str(name): tuple(patterns) for name, patterns in self.joints.items()}
+        object.__setattr__(self, "joints", MappingProxyType(parts))
+
+    def check(self, skeleton: Skeleton, frames: int) -> None:
+        """Every pattern must match, and the parts together must hold every joint."""
+        held = {joint for patterns in self.joints.values() for joint in skeleton.select(patterns)}
+        left = [name for joint, name in enumerate(skeleton.names) if joint not in held]
+        if self.joints and left:
+            raise MotionGenError(f"the parts must hold every joint; '{left[0]}' and {len(left) - 1} more are in none")
+
+
+CONSTRAINTS: tuple[type[Constraint], ...] = (Keyframes, Loop, FixedJoints, RootPath, Segment, Parts)
+
+
+def _check_skeleton(what: str, skeleton: Skeleton, motion: Motion) -> None:
+    if found := skeleton.difference(motion.skeleton, ignoring=motion.translating):
+        raise MotionGenError(f"{what} has another skeleton than the examples: {found}")

@@ -1,0 +1,55 @@
+"""Options of GenMM. The defaults are the paper's (section 4, Implementation Details)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from motiongen.generators.options import Options, option
+
+
+@dataclass(frozen=True)
+class GenMMOptions(Options):
+    """How GenMM works; Table 4 of the paper measures what alpha, K, p and r do."""
+
+    alpha: float | None = option(
+        0.01,
+        "Completeness (Eq. 2): smaller shows more of the example; 0 is unstable; null drops the normalisation, which "
+        "loses rare moves.",
+        minimum=0.0,
+    )
+    patch_size: int = option(
+        11,
+        "Frames in a patch at the working rate (p): larger is more coherent and less varied, smaller the reverse.",
+        minimum=2,
+    )
+    coarse_patches: float = option(
+        4.0,
+        "Length of the coarsest example in patches (K): larger gives more varied, less coherent motion; small repeats "
+        "the example.",
+        minimum=1.0,
+    )
+    scale_factor: float = option(
+        4 / 3,
+        "Step between pyramid stages (r): larger is faster and less stable (Table 4: 2 is nearly as good, 8 is not).",
+        above=1.0,
+    )
+    iterations: int = option(
+        5, "Rounds of matching and blending a stage (E): fewer is faster and leaves more blur.", minimum=1
+    )
+    noise: float = option(
+        1.0,
+        "Deviation of the first random guess, in the example's own deviations; 0 starts from its mean.",
+        minimum=0.0,
+    )
+    root_weight: float = option(
+        30.0,
+        "How much a root step or height difference of one skeleton height counts beside a rotation; 30 makes steps "
+        "velocities in heights per second.",
+        minimum=0.0,
+    )
+    contacts: bool = option(False, "Add foot-contact labels to the features that are matched (section 3.1).")
+    working_rate: float = option(
+        30.0, "Rate in Hz at which patches are matched; the nearest whole fraction of the clip's own rate.", above=0.0
+    )
+    output_rate: float | None = option(None, "Frame rate in Hz of the result; null keeps the examples'.", above=0.0)
+    device: str = option("cpu", "Where to compute: cpu, or a torch device such as cuda.")

@@ -1,0 +1,1 @@
+"""Tests of motiongen: laws and slow twins, one file for each module."""

@@ -1,0 +1,84 @@
+"""Blending and the pyramid against their definitions."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from motiongen.generators.genmm.blending import blend
+from motiongen.generators.genmm.options import GenMMOptions
+from motiongen.generators.genmm.pyramid import patch_starts, resize, stage_length, stage_scales
+from motiongen.generators.genmm.synthesis import build_pyramid, first_guess, synthesise
+from tests.generators.genmm.test_matching import features
+from tools import plain_genmm
+
+
+@given(st.integers(0, 99), st.integers(2, 9), st.integers(1, 12), st.integers(1, 4), st.integers(1, 3))
+def test_every_frame_is_the_mean_of_the_patches_over_it(
+    seed: int, size: int, count: int, stride: int, batch: int
+) -> None:
+    examples = features(seed, (size + 20) * stride, 3)
+    nearest = torch.randint(0, 20, (batch, count), generator=torch.Generator().manual_seed(seed))
+    blended = blend(nearest, examples, size, stride)
+    reach = (size - 1) * stride + 1
+    assert blended.shape == (batch, (count - 1) * stride + reach, 3)
+    for b in range(batch):
+        votes: list[list[torch.Tensor]] = [[] for _ in range(blended.shape[1])]
+        for i, start in enumerate(nearest[b].tolist()):
+            for k in range(reach):
+                votes[i * stride + k].append(examples[start * stride + k])
+        literal = torch.stack([torch.stack(v).mean(0) for v in votes])
+        torch.testing.assert_close(blended[b], literal)
+
+
+@given(st.integers(12, 60), st.integers(2, 11), st.integers(1, 4))
+def test_patches_in_order_give_back_the_example(length: int, size: int, stride: int) -> None:
+    examples = features(length, length * stride, 2)
+    whole = blend(torch.arange(length - size + 1)[None], examples, size, stride)
+    torch.testing.assert_close(whole[0], examples[: (length - 1) * stride + 1])
+
+
+@given(st.floats(1, 5000), st.integers(2, 30), st.floats(1, 20), st.floats(1.01, 8))
+def test_scales_rise_evenly_to_one(length: float, size: int, patches: float, factor: float) -> None:
+    scales = stage_scales(length, size, patches, factor)
+    assert scales[-1] == 1.0
+    assert all(a < b for a, b in itertools.pairwise(scales))
+    if len(scales) > 1:
+        assert scales[0] * length == pytest.approx(patches * size)  # the coarsest example is K patches long
+        steps = [b / a for a, b in itertools.pairwise(scales)]
+        assert max(steps) == pytest.approx(min(steps))
+        assert len(steps) == max(1, round(math.log(length / (patches * size)) / math.log(factor)))
+    else:
+        assert length <= patches * size
+
+
+def test_resize_keeps_ends_and_straight_lines() -> None:
+    line = torch.linspace(0, 1, 7, dtype=torch.float64)[:, None] * torch.tensor([1.0, -3.0], dtype=torch.float64)
+    torch.testing.assert_close(resize(line, 19), torch.linspace(0, 1, 19, dtype=torch.float64)[:, None] * line[-1])
+    assert resize(line[None], 3).shape == (1, 3, 2)
+
+
+def test_starts_leave_room_for_a_patch() -> None:
+    assert patch_starts([4, 3, 6], 3).int().tolist() == [1, 1, 0, 0, 1, 0, 0, 1, 1, 1, 1, 0, 0]
+
+
+@pytest.mark.parametrize("lengths", [[90], [60, 41]])
+def test_the_whole_synthesis_is_that_of_the_plain_method(lengths: list[int]) -> None:
+    """All stages, in double precision, so that rounding decides nothing."""
+    options = GenMMOptions(patch_size=7)
+    examples = [features(i, length, 6) for i, length in enumerate(lengths)]
+    pyramid = build_pyramid(examples, options)
+    assert len(pyramid) > 2
+    sizes = [stage_length(150, stage.scale, 7) for stage in pyramid]
+    nearest = synthesise(pyramid, 150, [5], options)
+    fast = blend(nearest, pyramid[-1].frames, 7)[0]
+
+    stages = [[plain_genmm.resize(e, stage_length(len(e), stage.scale, 7)) for e in examples] for stage in pyramid]
+    noise = first_guess(pyramid[0], sizes[0], [5], options.noise)[0]
+    plain = plain_genmm.synthesise(stages, sizes, noise, 7, 0.01, options.iterations)
+    torch.testing.assert_close(fast, plain, atol=1e-6, rtol=1e-6)
