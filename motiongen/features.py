@@ -76,13 +76,18 @@ class FeatureLayout:
     def joint_features(self, joints: Iterable[int]) -> NDArray[np.int64]:
         """Indices of all features that belong to `joints`: rotations, translations, contacts, root motion."""
         joints = sorted(set(joints))
-        chosen = [6 * joint + i for joint in joints for i in range(6)]
+        chosen = [i for joint in joints for i in range(*rotation_features(joint).indices(self.size))]
         if self.root in joints:
             chosen += range(self.root_steps.start, self.root_height.stop)
         for k, joint in enumerate(self.translating):
             chosen += [self.translations.start + 3 * k + i for i in range(3)] if joint in joints else []
         chosen += [self.contacts.start + k for k, joint in enumerate(self.feet) if joint in joints]
         return np.array(chosen, dtype=np.int64)
+
+
+def rotation_features(joint: int) -> slice:
+    """Where the 6D rotation of a joint stands in a feature vector."""
+    return slice(6 * joint, 6 * joint + 6)
 
 
 def layout_of(motions: Sequence[Motion], contacts: bool = False) -> FeatureLayout:

@@ -47,11 +47,18 @@ def run_application(task: Callable[[DictConfig], None], config_name: str, argume
 
     application = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=config_name)(collecting)
     before = sys.argv
-    sys.argv = [f"motiongen {config_name}", *(_quoted(argument) for argument in arguments)]
+    overrides = [a for a in arguments if re.match(r"[^-].*=|~", a)]
+    flags = [a for a in arguments if a not in overrides]
+    # Flags first, wherever they stood: Hydra's parser does not take overrides from both sides of one.
+    sys.argv = [f"motiongen {config_name}", *flags, *map(_quoted, overrides)]
     try:
         application()
     except (HydraException, OmegaConfBaseException) as error:
-        raise MotionGenError(_explained(error, config_name)) from error
+        choices = [override for override in overrides if override.startswith("generator=")]
+        raise MotionGenError(_explained(error, config_name, choices)) from error
+    except SystemExit as leaving:  # after --help and the like; a success is none of the caller's concern
+        if leaving.code not in (0, None):
+            raise
     finally:
         sys.argv = before
     if len(failures) > 1:
@@ -91,7 +98,7 @@ def _quoted(argument: str) -> str:
     return f"{key}='{escaped}'"
 
 
-def _explained(error: Exception, config_name: str) -> str:
+def _explained(error: Exception, config_name: str, choices: Sequence[str]) -> str:
     """One line for what Hydra or OmegaConf found wrong."""
     if isinstance(error, MissingConfigException) and error.missing_cfg_file is not None:
         group, _, choice = error.missing_cfg_file.rpartition("/")
@@ -103,13 +110,14 @@ def _explained(error: Exception, config_name: str) -> str:
     cause = error.__cause__ if isinstance(error, ConfigCompositionException) else error
     key = getattr(cause, "full_key", None) or getattr(cause, "key", None)
     if isinstance(cause, OmegaConfBaseException) and key is not None and "not in struct" in str(cause):
-        return _unknown_key(str(key), config_name)
+        return _unknown_key(str(key), config_name, choices)
     return " ".join(str(cause or error).split("\n")[0].split())
 
 
-def _unknown_key(key: str, config_name: str) -> str:
+def _unknown_key(key: str, config_name: str, choices: Sequence[str]) -> str:
+    """Name the nearest of the settings that the chosen generator has."""
     with hydra.initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
-        config = hydra.compose(config_name)
+        config = hydra.compose(config_name, overrides=list(choices))
     keys = _all_keys(config)
     parent = key.rpartition(".")[0]
     near = nearest_of(key, keys) or nearest_of(f"generator.{key}", keys)

@@ -43,6 +43,7 @@ class Request:
     format: str
     preview: str
     preview_count: int
+    preview_seconds: float
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -89,6 +90,7 @@ def read_request(config: DictConfig) -> Request:
         format=_choice("format", values["format"], formats),
         preview=_preview(values["preview"]),
         preview_count=_whole("preview_count", values["preview_count"], 0),
+        preview_seconds=_positive("preview_seconds", values["preview_seconds"]),
     )
 
 
@@ -105,9 +107,11 @@ def _sample(request: Request, folder: Path, composed: str) -> None:
     for motion in motions:
         written.append(folder / f"{motion.name}.{request.format}")
         motion.save(written[-1])
-    with atomic_write(folder / "config.yaml") as file:
+    written.append(folder / "config.yaml")
+    with atomic_write(written[-1]) as file:
         file.write(composed.encode())
     run = {
+        "settings": list(HydraConfig.get().overrides.task),
         "generator": request.spec.name,
         "options": request.options.to_dict(),
         "examples": [clip.name for clip in examples],
@@ -136,7 +140,7 @@ def _draw(request: Request, examples: Sequence[Motion], motions: Sequence[Motion
     pictures = [folder / f"preview.{request.preview}", folder / "film_strip.png"]
     with progress_bar("drawing") as progress:
         for picture in pictures:
-            render_clips(shown, picture, labels=labels, progress=progress)
+            render_clips(shown, picture, labels=labels, seconds=request.preview_seconds, progress=progress)
     return pictures
 
 
@@ -184,6 +188,12 @@ def _whole(name: str, value: Any, least: int) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < least:
         raise MotionGenError(f"{name} must be a whole number of at least {least}, not {value!r}")
     return value
+
+
+def _positive(name: str, value: Any) -> float:
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or not 0 < value < float("inf"):
+        raise MotionGenError(f"{name} must be a positive number, not {value!r}")
+    return float(value)
 
 
 def _choice(name: str, value: Any, allowed: Sequence[Any]) -> Any:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from motiongen.errors import MotionGenError
-from motiongen.features import FeatureLayout, from_features, layout_of, to_features
+from motiongen.features import FeatureLayout, from_features, layout_of, rotation_features, to_features
 from motiongen.generators.base import Capabilities, Generator, Progress, sample_seed
 from motiongen.generators.constraints import Constraint
 from motiongen.generators.genmm.blending import blend
@@ -72,9 +72,10 @@ class GenMM(Generator):
     def _feature_weights(self) -> np.ndarray:
         """(D,) what each feature is multiplied with for matching."""
         weights = np.ones(self._layout.size)
+        weights[rotation_features(self._layout.root)] = self.options.root_rotation_weight
         # Steps are per native frame; the weight is meant for steps per working frame.
-        weights[self._layout.root_steps] = self.options.root_weight * self._stride
-        weights[self._layout.root_height] = self.options.root_weight
+        weights[self._layout.root_steps] = self.options.root_motion_weight * self._stride
+        weights[self._layout.root_height] = self.options.root_motion_weight
         return weights
 
     def _sample(

@@ -41,7 +41,13 @@ class GenMMOptions(Options):
         "Deviation of the first random guess, in the example's own deviations; 0 starts from its mean.",
         minimum=0.0,
     )
-    root_weight: float = option(
+    root_rotation_weight: float = option(
+        2.5,
+        "How much the root's rotation counts beside another joint's; it turns the whole body. At 1 the synthesis now "
+        "and then spins round in one frame, large values make everything else follow the root.",
+        minimum=0.0,
+    )
+    root_motion_weight: float = option(
         30.0,
         "How much a root step or height difference of one skeleton height counts beside a rotation; 30 makes steps "
         "velocities in heights per second.",
