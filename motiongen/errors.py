@@ -15,6 +15,7 @@ class MotionGenError(ValueError):
 
 
 def nearest_of(name: str, allowed: Iterable[str]) -> str:
-    """`"; did you mean 'x'?"` for the allowed name closest to `name`, or an empty string when none is close."""
-    close = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    """`"; did you mean 'x'?"` for the allowed name closest to `name`, whatever its case, or "" when none is close."""
+    by_lower = {option.lower(): option for option in allowed}
+    close = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.5)
+    return f"; did you mean '{by_lower[close[0]]}'?" if close else ""

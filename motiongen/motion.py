@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -83,7 +83,8 @@ class Motion:
             raise MotionGenError(f"translating must be ascending joint indices below {joints}, not {translating}")
         object.__setattr__(self, "translating", translating)
         shape = (len(rotations), len(translating), 3)
-        translations = np.asarray(self.translations).reshape(shape) if not translating else self.translations
+        empty = np.size(self.translations) == 0 and not translating  # of any shape
+        translations = np.zeros(shape) if empty else self.translations
         object.__setattr__(self, "translations", frozen_array(translations, shape, "translations"))
         if not (math.isfinite(self.frame_rate) and self.frame_rate > 0):
             raise MotionGenError(f"frame_rate must be a positive number of Hz, not {self.frame_rate}")
@@ -148,7 +149,10 @@ class Motion:
 
     @cached_property
     def _world(self) -> tuple[Array, Array]:
-        return kinematics.forward(self.skeleton, self.rotations, self.local_translations)
+        world = kinematics.forward(self.skeleton, self.rotations, self.local_translations)
+        for array in world:
+            array.flags.writeable = False
+        return world
 
     @property
     def world_rotations(self) -> Array:
@@ -184,6 +188,10 @@ class Motion:
         """A copy with the given attributes changed, checked anew."""
         return dataclasses.replace(self, **changes)
 
+    def __iter__(self) -> Iterator[Motion]:
+        """Each frame as a motion of its own."""
+        return (self[frame] for frame in range(len(self)))
+
     def __getitem__(self, key: int | slice) -> Motion:
         """The frames of a slice, or one frame as a motion of its own.
 
@@ -195,7 +203,8 @@ class Motion:
         if isinstance(key, slice):
             step = abs(key.step or 1)
             if not range(*key.indices(len(self))):
-                raise MotionGenError(f"frames {key.start}:{key.stop} of a clip with {len(self)} frames are empty")
+                wanted = ":".join("" if bound is None else str(bound) for bound in (key.start, key.stop, key.step))
+                raise MotionGenError(f"frames [{wanted}] of a clip with frames 0 to {len(self) - 1} are none at all")
         else:
             if not -len(self) <= key < len(self):
                 raise MotionGenError(f"there is no frame {key} in a clip with frames 0 to {len(self) - 1}")
@@ -232,9 +241,11 @@ class Motion:
         translations[between] += w[..., None] * step
         return self.replace(rotations=rotations, translations=translations, frame_rate=frame_rate)
 
-    def transform(self, rotation: Array = rot.IDENTITY, shift: Sequence[float] | Array = (0.0, 0.0, 0.0)) -> Motion:
-        """The motion turned about the world's origin by a quaternion, then shifted by a vector in `unit`."""
-        shift = np.asarray(shift, dtype=float)
+    def transform(
+        self, rotation: Sequence[float] | Array = rot.IDENTITY, shift: Sequence[float] | Array = (0.0, 0.0, 0.0)
+    ) -> Motion:
+        """The motion turned about the world's origin by a unit quaternion, then shifted by a vector in `unit`."""
+        rotation, shift = np.asarray(rotation, dtype=float), np.asarray(shift, dtype=float)
         offsets = self.skeleton.offsets.copy()
         offsets[0] = rot.rotate(rotation, offsets[0]) + shift
         rotations = self.rotations.copy()
@@ -307,8 +318,9 @@ def concatenate(motions: Sequence[Motion], align: bool = True) -> Motion:
 
     Args:
         motions: clips of one skeleton at one frame rate.
-        align: turn each clip about the up axis and move it over the ground, so that it sets off where and whither the
-            one before it was going. Without, the clips stay where they are.
+        align: turn the root of each clip about the up axis and move it over the ground, so that it sets off where and
+            whither the one before it was going; joints above the root, which stand still, stay. Without, the clips
+            stay where they are.
 
     Raises:
         MotionGenError: if there is no clip, or skeletons or frame rates differ.
@@ -316,7 +328,11 @@ def concatenate(motions: Sequence[Motion], align: bool = True) -> Motion:
     if not motions:
         raise MotionGenError("concatenate needs at least one motion; none came")
     first = motions[0]
-    translating = tuple(sorted({j for m in motions for j in m.translating}))
+    translating = {j for m in motions for j in m.translating}
+    if any(not np.array_equal(m.skeleton.offsets[0], first.skeleton.offsets[0]) for m in motions):
+        translating.add(0)  # the joined clip has one skeleton, and joint 0 rests in one place there
+    if align:
+        translating.add(first.with_translating(translating).root)
     joined = [first.with_translating(translating)]
     for following in motions[1:]:
         motion = following.with_translating(translating)
@@ -337,11 +353,23 @@ def concatenate(motions: Sequence[Motion], align: bool = True) -> Motion:
 def _aligned(motion: Motion, before: Motion) -> Motion:
     """`motion` turned and moved on the ground so that its first frame comes one step after the last of `before`."""
     root = before.root
-    turn = rot.multiply(
-        rot.heading(before.world_rotations[-1, root]), rot.inverse(rot.heading(motion.world_rotations[0, root]))
-    )
-    turned = motion.transform(turn)
+    # Heading of the relative turn, not difference of headings: some rigs' roots rest with their own y axis upside down.
+    turn = rot.heading(rot.multiply(before.world_rotations[-1, root], rot.inverse(motion.world_rotations[0, root])))
+    rotations = rot.multiply(turn, motion.world_rotations[:, root])  # (T, 4)
+    positions = rot.rotate(turn, motion.positions[:, root])  # (T, 3)
     step = before.root_positions[-1] - before.root_positions[-2] if len(before) > 1 else np.zeros(3)
-    shift = before.root_positions[-1] + step - turned.positions[0, root]
+    shift = before.root_positions[-1] + step - positions[0]
     shift[1] = 0.0
-    return turned.transform(shift=shift)
+    return _moved(motion, root, rotations, positions + shift)
+
+
+def _moved(motion: Motion, joint: int, world_rotations: Array, positions: Array) -> Motion:
+    """`motion` with a translating joint put at world rotations (T, 4) and positions (T, 3)."""
+    parent = motion.skeleton.parents[joint]
+    if parent != -1:
+        back = rot.inverse(motion.world_rotations[:, parent])
+        world_rotations = rot.multiply(back, world_rotations)
+        positions = rot.rotate(back, positions - motion.positions[:, parent])
+    rotations, translations = motion.rotations.copy(), motion.translations.copy()
+    rotations[:, joint], translations[:, motion.translating.index(joint)] = world_rotations, positions
+    return motion.replace(rotations=rotations, translations=translations)

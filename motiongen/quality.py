@@ -106,9 +106,10 @@ def measure_quality(motion: Motion, feet: Sequence[int] | None = None) -> Qualit
 def foot_skate(motion: Motion, feet: Sequence[int]) -> float | None:
     """Mean horizontal speed of the foot joints while near the ground, in skeleton heights per second.
 
-    Each step weighs 2 - 2^(h / SKATE_HEIGHT), within 0 and 1 (Zhang et al. 2018, section 7.2), with h the height of
-    the joint over its standing level at the higher end of the step. Height alone decides: where speed did too, a slide
-    fast enough would count as a step. A foot that swings low in passing counts, so real motion has skate as well.
+    Each step weighs 2 - 2^(h / SKATE_HEIGHT), within 0 and 1 (Zhang et al. 2018, Mode-Adaptive Neural Networks), with h
+    the height of the joint over its standing level at the higher end of the step. Height alone decides: where speed did
+    too, a slide fast enough would count as a step. A foot that swings low in passing counts, so real motion has skate
+    as well.
 
     Returns:
         The mean, or None for a single frame and where no foot joint comes near the ground.

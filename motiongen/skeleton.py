@@ -25,7 +25,8 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
     if array.size == 0 and len(shape) > 1 and shape[0] in (-1, 0):
         array = array.reshape((0, *shape[1:]))
     if array.ndim != len(shape) or any(want not in (-1, got) for want, got in zip(shape, array.shape)):
-        raise MotionGenError(f"{what} must have shape {shape}, not {array.shape}")
+        allowed = ", ".join("any" if size == -1 else str(size) for size in shape)
+        raise MotionGenError(f"{what} must have shape ({allowed}), not {array.shape}")
     if not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise MotionGenError(f"{what} must be finite numbers; entry {where} is {array[where]}")
@@ -146,6 +147,7 @@ class Skeleton:
         positions = self.offsets.copy()
         for joint, parent in enumerate(self.parents[1:], start=1):
             positions[joint] += positions[parent]
+        positions.flags.writeable = False
         return positions
 
     @cached_property
@@ -190,15 +192,20 @@ class Skeleton:
         except ValueError:
             raise MotionGenError(f"there is no joint '{name}'{nearest_of(name, self.names)}") from None
 
-    def select(self, patterns: Sequence[str]) -> tuple[int, ...]:
+    def select(self, patterns: str | Sequence[str]) -> tuple[int, ...]:
         """Joints whose names match any of the shell-style `patterns`, regardless of case, in joint order.
+
+        A pattern that is the name of a joint selects that joint alone, whatever brackets are in it.
 
         Raises:
             MotionGenError: if a pattern matches nothing.
         """
         chosen: set[int] = set()
-        for pattern in patterns:
-            hits = {j for j, name in enumerate(self.names) if fnmatch.fnmatchcase(name.lower(), pattern.lower())}
+        for pattern in [patterns] if isinstance(patterns, str) else patterns:
+            if pattern in self.names:
+                hits = {self.names.index(pattern)}
+            else:
+                hits = {j for j, name in enumerate(self.names) if fnmatch.fnmatchcase(name.lower(), pattern.lower())}
             if not hits:
                 raise MotionGenError(f"no joint matches '{pattern}'{nearest_of(pattern, self.names)}")
             chosen |= hits

@@ -1,7 +1,7 @@
 """Make the bundled clip from its original: `python -m tools.make_example 01_01.bvh`.
 
-The original is CMU subject 1, trial 1, in Bruce Hahne's BVH conversion (see NOTICE). Its first frame is a T-pose that is
-no part of the motion and is dropped; 120 Hz become 30 Hz by keeping every fourth frame.
+The original is CMU subject 1, trial 1, in Bruce Hahne's BVH conversion (see NOTICE). Its first frame is a T-pose that
+is no part of the motion and is dropped; 120 Hz become 30 Hz by keeping every fourth frame.
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ def _unknown_key(key: str, config_name: str, choices: Sequence[str]) -> str:
 def _all_keys(config: DictConfig, prefix: str = "") -> list[str]:
     keys: list[str] = []
     for key in config:
-        full = f"{prefix}{key}"
+        full = f"{prefix}{key!s}"
         keys.append(full)
         if OmegaConf.is_dict(config._get_node(key)):  # not resolved: an interpolation may not be resolvable here
             keys += _all_keys(config[key], full + ".")

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from motiongen.errors import MotionGenError, nearest_of
+from motiongen.errors import MotionGenError
 from motiongen.motion import METRES_PER_UNIT, UP_AXES, Motion
 
 
@@ -76,8 +76,7 @@ def _format(path: Path) -> Format:
     suffixes = {known.suffix: known for known in FORMATS}
     if path.suffix.lower() not in suffixes:
         came = f"the suffix '{path.suffix}'" if path.suffix else "no suffix"
-        hint = nearest_of(path.suffix.lower(), suffixes)
-        raise MotionGenError(f"{path}: {came} is no format of motions{hint}; use one of {', '.join(suffixes)}")
+        raise MotionGenError(f"{path}: {came} is no format of motions; use one of {', '.join(suffixes)}")
     return suffixes[path.suffix.lower()]
 
 

@@ -80,8 +80,6 @@ def render_clips(
             strip = film_strip(motions, labels, size=size, seconds=seconds, supersample=supersample, progress=progress)
             strip.save(temporary)
         return path
-    if suffix == ".mp4":
-        video.require_ffmpeg()
     highest, usual = (video.HIGHEST_MP4_RATE, 30.0) if suffix == ".mp4" else (video.HIGHEST_GIF_RATE, 15.0)
     if frame_rate is not None:
         schedule.checked_rate(frame_rate, highest, suffix)

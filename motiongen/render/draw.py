@@ -25,14 +25,13 @@ _DARKNESS = 72
 _FLATTENED = np.array([1.0, 0.4])
 """How much lower than wide something round on the ground looks, about."""
 
-_HALF_CIRCLE = np.linspace(-np.pi / 2, np.pi / 2, 7)
 
-
-def capsules(starts: Array, ends: Array, start_radii: Array, end_radii: Array) -> Array:
-    """(B, 14, 2) outlines of tapered bones with round ends, from points (B, 2) and radii (B,), in pixels."""
+def capsules(starts: Array, ends: Array, start_radii: Array, end_radii: Array, corners: int = 7) -> Array:
+    """(B, 2 * corners, 2) outlines of tapered bones with round ends, from points (B, 2) and radii (B,), in pixels."""
     along, _ = _directions(starts, ends)
     aside = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    ahead = np.cos(_HALF_CIRCLE)[:, None] * along[:, None] + np.sin(_HALF_CIRCLE)[:, None] * aside[:, None]  # (B, 7, 2)
+    angles = np.linspace(-np.pi / 2, np.pi / 2, corners)[:, None]
+    ahead = np.cos(angles) * along[:, None] + np.sin(angles) * aside[:, None]  # (B, corners, 2)
     return np.concatenate(
         [ends[:, None] + end_radii[:, None, None] * ahead, starts[:, None] - start_radii[:, None, None] * ahead], axis=1
     )
@@ -150,7 +149,7 @@ def paint_shadow(picture: Image.Image, figure: Figure, pixels: Array, depths: Ar
     mask = Image.new("L", (2 * int(high[0] - low[0]), 2 * int(high[1] - low[1])))
     canvas = ImageDraw.Draw(mask)
     at = 2 * (pixels - low) / _FLATTENED
-    outlines = capsules(at[ends[:, 0]], at[ends[:, 1]], 2 * radii[:, 0], 2 * radii[:, 1]) * _FLATTENED
+    outlines = capsules(at[ends[:, 0]], at[ends[:, 1]], 2 * radii[:, 0], 2 * radii[:, 1], corners=5) * _FLATTENED
     for outline in _polygons(outlines):
         canvas.polygon(outline, fill=_DARKNESS)
     picture.paste(SHADOW, (int(low[0]), int(low[1])), mask.reduce(2).filter(ImageFilter.BoxBlur(1)))

@@ -163,7 +163,7 @@ def closeups(
     posed = [actor.at(moment) for actor, moment in zip(actors, moments)]
     focal, best = cam.focal_length(height), np.inf
     for width in np.linspace(2.0, 0.4, 33) * height:  # as narrow as can be without having to stand further back
-        frame = Frame(0.02 * width, top, 0.98 * width, height - bottom, focal)
+        frame = Frame(0.05 * width, top, 0.95 * width, height - bottom, focal)
         distance, cameras = _cameras(posed, [actor.way for actor in posed], frame)
         if distance > 1.001 * best:
             break
@@ -184,7 +184,7 @@ def _cameras(actors: Sequence[Actor], tracks: Sequence[Array], frame: Frame) -> 
     )  # (actors, sideways and up, plus and minus)
     needs[:, 1] = needs[:, 1].max(axis=0)
     aims = (needs[..., 0] - needs[..., 1]) / 2  # (actors, 2)
-    closest = 0.5 / float(frame.slopes.min())  # a crouching or tiny figure does not fill the picture
+    closest = 0.5 / float(frame.slopes.max())  # a crouching or tiny figure does not fill the picture
     distance = max(float((needs.sum(axis=-1) / (2 * frame.slopes)).max()), closest)
     return distance, [cam.place(axis, aim, distance, frame) for axis, aim in zip(axes, aims)]
 

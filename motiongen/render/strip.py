@@ -103,8 +103,8 @@ class Row:
 
     @property
     def width(self) -> int:
-        """The width that the label and the poses take, in pixels."""
-        return self.margin + self.cell * len(self.moments)
+        """The width that the label, the poses and the last one's shadow take, in pixels."""
+        return self.margin + self.cell * len(self.moments) + round(self.text_size)
 
     def blank(self, width: int) -> Image.Image:
         """The row with its label and the ground, the same from left to right, so that the cells show no seam."""

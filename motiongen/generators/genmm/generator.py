@@ -15,7 +15,7 @@ from motiongen.generators.base import Capabilities, Generator, Progress, sample_
 from motiongen.generators.constraints import Constraint
 from motiongen.generators.genmm.blending import blend
 from motiongen.generators.genmm.options import GenMMOptions
-from motiongen.generators.genmm.pyramid import StageExamples
+from motiongen.generators.genmm.pyramid import Pyramid
 from motiongen.generators.genmm.synthesis import build_pyramid, synthesise
 from motiongen.motion import Motion
 
@@ -35,7 +35,7 @@ class GenMM(Generator):
         super().__init__(options)
         self.device = _device(options.device)
         self._layout: FeatureLayout
-        self._pyramid: list[StageExamples]
+        self._pyramid: Pyramid
         self._native: Tensor
         self._like: Motion
         self._stride: int
@@ -61,7 +61,7 @@ class GenMM(Generator):
         padded = [np.pad(f, ((0, -len(f) % self._stride), (0, 0)), mode="edge") for f in native]
         self._native = torch.from_numpy(np.concatenate(padded)).to(self.device)
         weights = torch.from_numpy(self._feature_weights())
-        examples = [(torch.from_numpy(f[:: self._stride]) * weights).float().to(self.device) for f in native]
+        examples = [(torch.from_numpy(f[:: self._stride]) * weights).to(self.device) for f in native]
         self._pyramid = build_pyramid(examples, self.options)
 
     def _example_features(self, motion: Motion) -> np.ndarray:
@@ -83,7 +83,7 @@ class GenMM(Generator):
     ) -> list[Motion]:
         native_frames = self._native_frames(frames)
         working_frames = max(self.options.patch_size, math.ceil((native_frames - 1) / self._stride) + 1)
-        steps, total = 0, count * len(self._pyramid)
+        steps, total = 0, count * len(self._pyramid.stages)
 
         def advance() -> None:
             nonlocal steps

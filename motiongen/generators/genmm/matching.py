@@ -13,6 +13,11 @@ from torch.nn import functional
 TINY = 1e-12
 
 
+def normaliser_floor(alpha: float | None, patch_size: int, features: int) -> float | None:
+    """Alpha of Eq. 2 is meant for the mean squared difference of one feature; patch distances are sums of p x D."""
+    return None if alpha is None else alpha * patch_size * features
+
+
 def augment_examples(frames: Tensor) -> Tensor:
     """(T, D) example frames y -> (D + 2, T) columns [y, 1, |y|^2], see `frame_distances`."""
     squares = (frames * frames).sum(dim=-1, keepdim=True)
@@ -62,7 +67,7 @@ def _shifted_sum(a: Tensor, b: Tensor, shift: int) -> Tensor:
     return a[:, :length] + b[:, shift : shift + length]
 
 
-def nearest_patches(frames: Tensor, augmented: Tensor, starts: Tensor, patch_size: int, alpha: float | None) -> Tensor:
+def nearest_patches(frames: Tensor, augmented: Tensor, starts: Tensor, patch_size: int, floor: float | None) -> Tensor:
     """For every patch of the guess the start of its best example patch: (B, F, D) -> (B, F - p + 1) int64.
 
     Args:
@@ -70,13 +75,11 @@ def nearest_patches(frames: Tensor, augmented: Tensor, starts: Tensor, patch_siz
         augmented: (D + 2, T) the examples.
         starts: (T,) where example patches may start.
         patch_size: p.
-        alpha: of Eq. 2, against the mean squared difference of one feature; None: plain nearest neighbours.
+        floor: the alpha of Eq. 2 as a patch distance, see `normaliser_floor`; None: plain nearest neighbours.
     """
     distances = diagonal_sums(frame_distances(frames, augmented), patch_size)  # (B, n, T)
-    if alpha is not None:
-        features = augmented.shape[0] - 2
+    if floor is not None:
         least = distances.amin(dim=1, keepdim=True)  # (B, 1, T), how well the guess shows each example patch
-        # Distances here are sums over p frames of D features; alpha is meant for their mean.
-        distances *= 1 / (alpha * patch_size * features + least).clamp_min(TINY)
+        distances *= 1 / (floor + least).clamp_min(TINY)
     distances.masked_fill_(~starts, torch.inf)
     return distances.min(dim=-1).indices

@@ -10,6 +10,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from motiongen.generators.genmm.basis import Basis
+
 
 @dataclass(frozen=True)
 class StageExamples:
@@ -17,15 +19,37 @@ class StageExamples:
 
     Attributes:
         scale: length here over full length.
-        frames: (T, D) features of all examples.
+        frames: (T, R) coordinates of all examples.
         starts: (T,) True where a patch may start: not so near the end of an example that it would run into the next.
-        augmented: (D + 2, T) what `matching` multiplies with: see `matching.augment_examples`.
+        augmented: (R + 2, T) what `matching` multiplies with: see `matching.augment_examples`.
     """
 
     scale: float
     frames: Tensor
     starts: Tensor
     augmented: Tensor
+
+
+@dataclass(frozen=True)
+class Pyramid:
+    """The examples at all stages, and what is needed to begin.
+
+    Attributes:
+        stages: coarsest first.
+        basis: the axes along which `stages` hold coordinates.
+        mean: (D,) mean feature of the coarsest examples.
+        deviation: (D,) deviation of the coarsest examples' features.
+    """
+
+    stages: tuple[StageExamples, ...]
+    basis: Basis
+    mean: Tensor
+    deviation: Tensor
+
+    @property
+    def features(self) -> int:
+        """How many features D a frame has, before they are reduced to coordinates."""
+        return len(self.mean)
 
 
 def stage_scales(length: float, patch_size: int, coarse_patches: float, scale_factor: float) -> list[float]:

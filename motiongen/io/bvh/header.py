@@ -82,9 +82,9 @@ def read_header(source: Source) -> Header:
     return _Parser(source).parse()
 
 
-def shown(text: str) -> str:
+def shown(text: str, longest: int = 60) -> str:
     """Text from a file in a form that any terminal prints, shortened."""
-    text = text if len(text) <= 60 else text[:57] + "..."
+    text = text if len(text) <= longest else text[: longest - 3] + "..."
     return "".join(c if c.isprintable() else f"\\x{ord(c) & 0xFF:02x}" for c in text)
 
 
@@ -270,7 +270,7 @@ class _Parser:
         try:
             rate_of(header.frame_time)
         except MotionGenError as error:
-            raise self.error(shown(str(error))) from None
+            raise self.error(shown(str(error), 200)) from None
 
     def line_like(self, pattern: re.Pattern[str], example: str) -> str:
         """What stands behind the colon of the next line that is not blank."""

@@ -10,6 +10,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from motiongen.generators.genmm.basis import principal_axes
 from motiongen.generators.genmm.blending import blend
 from motiongen.generators.genmm.options import GenMMOptions
 from motiongen.generators.genmm.pyramid import patch_starts, resize, stage_length, stage_scales
@@ -72,13 +73,46 @@ def test_the_whole_synthesis_is_that_of_the_plain_method(lengths: list[int]) -> 
     """All stages, in double precision, so that rounding decides nothing."""
     options = GenMMOptions(patch_size=7)
     examples = [features(i, length, 6) for i, length in enumerate(lengths)]
-    pyramid = build_pyramid(examples, options)
-    assert len(pyramid) > 2
-    sizes = [stage_length(150, stage.scale, 7) for stage in pyramid]
+    pyramid = build_pyramid(examples, options, dtype=torch.float64)
+    assert len(pyramid.stages) > 2
+    sizes = [stage_length(150, stage.scale, 7) for stage in pyramid.stages]
     nearest = synthesise(pyramid, 150, [5], options)
-    fast = blend(nearest, pyramid[-1].frames, 7)[0]
+    fast = blend(nearest, torch.cat(examples), 7)[0]
 
-    stages = [[plain_genmm.resize(e, stage_length(len(e), stage.scale, 7)) for e in examples] for stage in pyramid]
-    noise = first_guess(pyramid[0], sizes[0], [5], options.noise)[0]
+    stages = [[plain_genmm.resize(e, stage_length(len(e), s.scale, 7)) for e in examples] for s in pyramid.stages]
+    coordinates = first_guess(pyramid, sizes[0], [5], options.noise)[0]
+    noise = coordinates @ pyramid.basis.axes.T + pyramid.basis.mean
     plain = plain_genmm.synthesise(stages, sizes, noise, 7, 0.01, options.iterations)
     torch.testing.assert_close(fast, plain, atol=1e-6, rtol=1e-6)
+
+
+def test_a_basis_keeps_distances_and_drops_what_does_not_vary() -> None:
+    """Ten features that follow three numbers need three axes, and lose nothing."""
+    hidden = features(1, 80, 3)
+    examples = [(hidden @ features(2, 3, 10) + 5.0)[:50], (hidden @ features(2, 3, 10) + 5.0)[50:]]
+    basis = principal_axes(examples)
+    assert basis.axes.shape == (10, 3)
+    torch.testing.assert_close(basis.axes.T @ basis.axes, torch.eye(3, dtype=torch.float64))
+    together = torch.cat(examples)
+    torch.testing.assert_close(
+        torch.cdist(basis.coordinates(together), basis.coordinates(together)),
+        torch.cdist(together, together),
+        atol=1e-5,
+        rtol=1e-5,
+    )
+
+
+def test_examples_that_stand_still_have_a_basis_too() -> None:
+    basis = principal_axes([torch.ones(20, 4, dtype=torch.float64)])
+    assert basis.axes.shape[1] == 1
+    assert float(basis.coordinates(torch.ones(3, 4, dtype=torch.float64)).abs().max()) == 0.0
+
+
+@given(st.integers(0, 99))
+def test_dropped_axes_hold_no_more_than_is_negligible(seed: int) -> None:
+    examples = [features(seed, 40, 12) * torch.logspace(0, -8, 12, dtype=torch.float64)]
+    basis = principal_axes(examples, negligible=1e-6)
+    centred = examples[0] - basis.mean
+    lost = (centred**2).sum() - (basis.coordinates(examples[0]) ** 2).sum()
+    assert basis.axes.shape[1] < 12
+    assert float(lost / (centred**2).sum()) <= 1e-6

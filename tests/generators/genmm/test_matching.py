@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from motiongen.generators.genmm.matching import augment_examples, diagonal_sums, frame_distances, nearest_patches
+from motiongen.generators.genmm.matching import (
+    augment_examples,
+    diagonal_sums,
+    frame_distances,
+    nearest_patches,
+    normaliser_floor,
+)
 from motiongen.generators.genmm.pyramid import patch_starts
 from tools import plain_genmm
 
@@ -53,7 +59,8 @@ def test_nearest_patches_are_those_of_the_plain_method(
     examples = [features(seed + i, size + length, 4) for i, length in enumerate(extra)]
     guess = features(seed + 50, size + more, 4)
     together, starts = torch.cat(examples), patch_starts([len(e) for e in examples], size)
-    fast = nearest_patches(guess[None], augment_examples(together), starts, size, alpha)[0]
+    floor = normaliser_floor(alpha, size, features=4)
+    fast = nearest_patches(guess[None], augment_examples(together), starts, size, floor)[0]
     plain = plain_genmm.nearest_patches(guess, examples, size, alpha)
     numbered = torch.nonzero(starts)[:, 0]  # the plain method counts patches, the fast one frames
     assert torch.equal(fast, numbered[plain])
@@ -68,12 +75,12 @@ def test_no_patch_runs_from_one_example_into_the_next() -> None:
     assert bool(starts[nearest].all())
 
 
-@pytest.mark.parametrize("alpha", [0.0, 0.01])
-def test_an_example_as_its_own_guess_finds_itself(alpha: float) -> None:
-    """Also where every distance on the diagonal is zero and alpha does not keep the quotient finite."""
+@pytest.mark.parametrize("floor", [0.0, 0.01])
+def test_an_example_as_its_own_guess_finds_itself(floor: float) -> None:
+    """Also where every distance on the diagonal is zero and nothing keeps the quotient finite."""
     example = features(2, 40, 6).float()
     starts = patch_starts([40], 7)
-    nearest = nearest_patches(example[None], augment_examples(example), starts, 7, alpha)
+    nearest = nearest_patches(example[None], augment_examples(example), starts, 7, floor)
     assert torch.equal(nearest[0], torch.arange(34))
 
 
@@ -83,7 +90,7 @@ def test_a_smaller_alpha_uses_more_of_the_example() -> None:
     guess = features(5, 200, 5) * 0.5 + example[:60].mean(0)
     starts = patch_starts([120], 5)
     shown = [
-        len(nearest_patches(guess[None], augment_examples(example), starts, 5, alpha).unique())
+        len(nearest_patches(guess[None], augment_examples(example), starts, 5, normaliser_floor(alpha, 5, 5)).unique())
         for alpha in (100.0, 0.1, 0.001)
     ]
     assert shown[0] < shown[1] < shown[2]
