@@ -33,6 +33,9 @@ _LATER = {
     "FixedJoints": "motiongen.generators.constraints",
     "RootPath": "motiongen.generators.constraints",
     "Segment": "motiongen.generators.constraints",
+    "Continuation": "motiongen.generators.constraints",
+    "InBetween": "motiongen.generators.constraints",
+    "Style": "motiongen.generators.constraints",
     "Parts": "motiongen.generators.constraints",
 }
 

@@ -104,6 +104,20 @@ def from_axis_angle(axis: Array, angle_radians: Array | float) -> Array:
     return np.concatenate([np.sin(half) * axis, np.cos(half)], axis=-1)
 
 
+def to_rotation_vector(quaternions: Array) -> Array:
+    """Axis times angle in radians, the shorter way round (at most pi): (..., 4) -> (..., 3)."""
+    q = np.where(quaternions[..., 3:] < 0, -quaternions, quaternions)
+    sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, q[..., 3:])
+    return q[..., :3] * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+
+
+def from_rotation_vector(vectors: Array) -> Array:
+    """Unit quaternions of axis times angle in radians, (..., 3) -> (..., 4)."""
+    half = np.linalg.norm(vectors, axis=-1, keepdims=True) / 2
+    return np.concatenate([vectors / 2 * np.sinc(half / np.pi), np.cos(half)], axis=-1)
+
+
 def angle_between(a: Array, b: Array) -> Array:
     """The angle in radians, 0 to pi, that turns `a` into `b`: (..., 4) x (..., 4) -> (...)."""
     relative = multiply(inverse(a), b)

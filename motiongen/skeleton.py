@@ -131,14 +131,27 @@ class Skeleton:
         return None
 
     @cached_property
+    def body(self) -> int:
+        """The joint where the body begins: the first, from the root down, that has more than one child.
+
+        What stands above it, such as a still root over the hips, only places the body in the world; its rest offset may
+        be anything. A skeleton that never branches is all body.
+        """
+        joint = 0
+        while len(self.children[joint]) == 1:
+            joint = self.children[joint][0]
+        return joint if self.children[joint] else 0
+
+    @cached_property
     def height(self) -> float:
         """The scale of the skeleton: the longest side of the rest pose's bounding box, joints and end sites together.
 
         For a biped in a T-pose this is its stature. A skeleton without extent has height 1.
         """
-        positions = self.rest_positions - self.rest_positions[0]
-        tips = positions[list(self.end_sites)] + self.end_site_offsets
-        extent = float(np.ptp(np.concatenate([positions, tips]), axis=0).max())
+        body = self.subtree(self.body)
+        tips = [site for site, joint in enumerate(self.end_sites) if joint in body]
+        tip_positions = self.rest_positions[[self.end_sites[site] for site in tips]] + self.end_site_offsets[tips]
+        extent = float(np.ptp(np.concatenate([self.rest_positions[list(body)], tip_positions]), axis=0).max())
         return extent if extent > 0 else 1.0
 
     @cached_property

@@ -26,6 +26,7 @@ FLOORS = {
     "motiongen.kinematics": 0,
     "motiongen.mirror": 0,
     "motiongen.contact": 0,
+    "motiongen.easing": 0,
     # what is made of them
     "motiongen.assets": 1,
     "motiongen.io": 1,

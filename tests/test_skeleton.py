@@ -97,9 +97,12 @@ def test_a_subtree_is_all_that_has_the_joint_above_it(skeleton: Skeleton) -> Non
 @given(skeletons(), st.sampled_from([1e-3, 7.0]))
 def test_height_is_the_longest_side_of_the_rest_pose(skeleton: Skeleton, factor: float) -> None:
     points = []
+    body = skeleton.subtree(skeleton.body)
     for joint, offset in enumerate(skeleton.offsets):
         above = [skeleton.offsets[j] for j in skeleton.ancestors(joint)]
         np.testing.assert_allclose(skeleton.rest_positions[joint], np.sum([*above, offset], axis=0), atol=1e-9)
+        if joint not in body:
+            continue
         points.append(skeleton.rest_positions[joint])
         points += [points[-1] + skeleton.end_site_offsets[s] for s, j in enumerate(skeleton.end_sites) if j == joint]
     extent = max(max(p[axis] for p in points) - min(p[axis] for p in points) for axis in range(3))
@@ -238,3 +241,17 @@ def test_random_trees_are_of_every_shape() -> None:
     assert any(max(map(len, tree.children)) > 4 for tree in trees)
     assert any(len(set(tree.end_sites)) < len(tree.end_sites) for tree in trees)
     assert any((tree.end_site_offsets == 0).all(axis=-1).any() for tree in trees)
+
+
+def test_where_the_body_stands_is_no_part_of_its_height() -> None:
+    """Some files rest their hips metres from a still root above them; the hips' offset is a place, not a bone."""
+    offsets = np.array([[0.0, 0.0, 0.0], [1.0, 94.0, -452.0], [0.0, 60.0, 0.0], [0.0, -90.0, 0.0]])
+    skeleton = Skeleton(("Root", "Hips", "Head", "Foot"), (-1, 0, 1, 1), offsets, (2,), np.array([[0.0, 20.0, 0.0]]))
+    assert skeleton.body == 1
+    assert skeleton.height == pytest.approx(170.0)
+
+
+def test_a_chain_is_all_body() -> None:
+    skeleton = Skeleton(("a", "b", "c"), (-1, 0, 1), np.array([[9.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 3.0, 0.0]]))
+    assert skeleton.body == 0
+    assert skeleton.height == pytest.approx(5.0)

@@ -41,13 +41,13 @@ def main() -> None:
 
     generator = mg.create("genmm")
     generator.fit([mg.load(options.clip).resample(30.0)])
-    pyramid, settings = generator._pyramid, generator.options
+    pyramid, settings = generator._pyramid(None, reduced=True), generator.options
     size = settings.patch_size
     lengths = [stage_length(options.frames, stage.scale, size) for stage in pyramid.stages]
     coordinates = first_guess(pyramid, lengths[0], [sample_seed(0, 0)], settings.noise)[0]
     axes, mean = pyramid.basis.axes.float(), pyramid.basis.mean.float()
     noise = coordinates @ axes.T + mean
-    stages = [[stage.frames @ axes.T + mean] for stage in pyramid.stages]  # the twin knows nothing of axes
+    stages = [[stage.parts[0].frames @ axes.T + mean] for stage in pyramid.stages]  # the twin knows nothing of axes
 
     def floor() -> None:
         """The products of frames with frames that the distances of Eq. 1 need, in all features."""
@@ -67,7 +67,7 @@ def main() -> None:
         "matrix products alone": best_seconds(floor, options.repeats),
     }
     print(
-        f"{options.frames} frames from an example of {len(stages[-1][0])} frames x {pyramid.features} features "
+        f"{options.frames} frames from an example of {len(stages[-1][0])} frames x {pyramid.features[0]} features "
         f"({axes.shape[1]} principal axes), {len(stages)} stages, {torch.get_num_threads()} threads\n"
     )
     print("| what | seconds | times faster than the plain twin |\n| --- | ---: | ---: |")

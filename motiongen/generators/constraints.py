@@ -160,7 +160,75 @@ class Parts(Constraint):
             raise MotionGenError(f"the parts must hold every joint; '{left[0]}' and {len(left) - 1} more are in none")
 
 
-CONSTRAINTS: tuple[type[Constraint], ...] = (Keyframes, Loop, FixedJoints, RootPath, Segment, Parts)
+@dataclass(frozen=True, eq=False)
+class Continuation(Constraint):
+    """Go on from the end of a clip: the synthesis begins with the frame after its last one.
+
+    Attributes:
+        motion: the clip to go on from.
+    """
+
+    motion: Motion
+
+    def check(self, skeleton: Skeleton, frames: int) -> None:
+        """The clip must be of the same skeleton."""
+        _check_skeleton("the clip to go on from", skeleton, self.motion)
+
+
+@dataclass(frozen=True, eq=False)
+class InBetween(Constraint):
+    """Lead from the end of one clip to the beginning of another.
+
+    Attributes:
+        before: the clip that the synthesis follows.
+        after: the clip that follows the synthesis, where it stands in the world.
+    """
+
+    before: Motion
+    after: Motion
+
+    def check(self, skeleton: Skeleton, frames: int) -> None:
+        """Both clips must be of the same skeleton."""
+        _check_skeleton("the clip before", skeleton, self.before)
+        _check_skeleton("the clip after", skeleton, self.after)
+
+
+@dataclass(frozen=True, eq=False)
+class Style(Constraint):
+    """Style by content, after GANimator: coarse movement from a clip, detail from the examples.
+
+    Attributes:
+        content: the clip whose coarse movement is taken, at least as long as the synthesis.
+        detail: how coarse, as a share of full resolution between 0 and 1: below it movement is the content's, above it
+            the examples'.
+    """
+
+    content: Motion
+    detail: float = 0.25
+
+    def __post_init__(self) -> None:
+        """Check the share."""
+        if not 0 < self.detail <= 1:
+            raise MotionGenError(f"the detail of a style must lie above 0 and at most at 1, not {self.detail}")
+
+    def check(self, skeleton: Skeleton, frames: int) -> None:
+        """The content must be of the same skeleton and long enough."""
+        _check_skeleton("the content", skeleton, self.content)
+        if len(self.content) < frames:
+            raise MotionGenError(f"the content has {len(self.content)} frames, {frames} are asked for; ask for fewer")
+
+
+CONSTRAINTS: tuple[type[Constraint], ...] = (
+    Keyframes,
+    Loop,
+    FixedJoints,
+    RootPath,
+    Segment,
+    Continuation,
+    InBetween,
+    Style,
+    Parts,
+)
 
 
 def _check_skeleton(what: str, skeleton: Skeleton, motion: Motion) -> None:

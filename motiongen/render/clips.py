@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -65,38 +64,43 @@ def render_clips(
             MP4, or the file cannot be written. Arguments are checked before anything is drawn.
     """
     path = Path(path)
+    suffix = _checked_suffix(path, frame_rate)
+    with files.atomic_path(path) as temporary:
+        if suffix == ".png":
+            strip = film_strip(motions, labels, size=size, seconds=seconds, supersample=supersample, progress=progress)
+            strip.save(temporary)
+            return path
+        kind = video.KINDS[suffix]
+        movie = build_movie(
+            motions,
+            labels,
+            size=size,
+            frame_rate=frame_rate,
+            highest_rate=kind.usual_rate,
+            seconds=seconds,
+            supersample=supersample,
+            even_sides=kind.even_sides,
+        )
+        kind.write(temporary, movie.pictures(progress), movie.size, movie.frame_rate)
+    return path
+
+
+def _checked_suffix(path: Path, frame_rate: float | None) -> str:
+    """The suffix of `path`, if it is one that can be written, at `frame_rate` where one is given."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         came = f"'{path.suffix}'" if path.suffix else "no suffix"
         raise MotionGenError(
             f"{path}: a picture's suffix must be one of {', '.join(SUFFIXES)}, not {came}{nearest_of(suffix, SUFFIXES)}"
         )
+    if frame_rate is None:
+        return suffix
     if suffix == ".png":
-        if frame_rate is not None:
-            raise MotionGenError(
-                "frame_rate is for .mp4 and .gif; a film strip shows poses evenly in time: leave it out"
-            )
-        with files.atomic_path(path) as temporary:
-            strip = film_strip(motions, labels, size=size, seconds=seconds, supersample=supersample, progress=progress)
-            strip.save(temporary)
-        return path
-    highest, usual = (video.HIGHEST_MP4_RATE, 30.0) if suffix == ".mp4" else (video.HIGHEST_GIF_RATE, 15.0)
-    if frame_rate is not None:
-        schedule.checked_rate(frame_rate, highest, suffix)
-    movie = build_movie(
-        motions,
-        labels,
-        size=size,
-        frame_rate=frame_rate,
-        highest_rate=usual,
-        seconds=seconds,
-        supersample=supersample,
-    )
-    if suffix == ".mp4":
-        movie = dataclasses.replace(movie, size=(movie.size[0] + movie.size[0] % 2, movie.size[1] + movie.size[1] % 2))
-    with files.atomic_path(path) as temporary:
-        video.WRITERS[suffix](temporary, movie.pictures(progress), movie.size, movie.frame_rate)
-    return path
+        raise MotionGenError("frame_rate is for .mp4 and .gif; a film strip shows poses evenly in time: leave it out")
+    highest = video.KINDS[suffix].highest_rate
+    if not (math.isfinite(frame_rate) and 0 < frame_rate <= highest):
+        raise MotionGenError(f"frame_rate must be above 0 and at most {highest:g} Hz for {suffix}, not {frame_rate}")
+    return suffix
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +149,11 @@ def build_movie(
     highest_rate: float = 30.0,
     seconds: float | None = None,
     supersample: int = 3,
+    even_sides: bool = False,
 ) -> Movie:
-    """Everything about a movie but its pictures: see `render_clips`; `highest_rate` bounds the rate chosen by default.
+    """Everything about a movie but its pictures: see `render_clips`.
+
+    The rate chosen by default is at most `highest_rate`. With `even_sides` odd sides grow by a pixel.
 
     Raises:
         MotionGenError: if an argument is out of range.
@@ -175,7 +182,8 @@ def build_movie(
         Panel(actor, view, panel_size, text_size, supersample)
         for actor, view in zip(actors, views(actors, frame, rate))
     ]
-    return Movie(panels, columns, (int(size[0]), int(size[1])), rate, len(frames[0]))
+    grown = (int(size[0]) + size[0] % 2, int(size[1]) + size[1] % 2) if even_sides else (int(size[0]), int(size[1]))
+    return Movie(panels, columns, grown, rate, len(frames[0]))
 
 
 def _columns(count: int, size: tuple[int, int] | None) -> int:

@@ -15,17 +15,6 @@ _SLOWEST = 8.0
 """A clip of key frames, one a second perhaps, is still shown at about this many pictures a second."""
 
 
-def checked_rate(frame_rate: float, highest: float, what: str) -> float:
-    """`frame_rate`, if it is a positive number of at most `highest` Hz.
-
-    Raises:
-        MotionGenError: if it is not.
-    """
-    if not (math.isfinite(frame_rate) and 0 < frame_rate <= highest):
-        raise MotionGenError(f"frame_rate must be above 0 and at most {highest:g} Hz for {what}, not {frame_rate}")
-    return float(frame_rate)
-
-
 def natural_rate(motions: Sequence[Motion], highest: float) -> float:
     """The rate to show clips at: the fastest clip's own, divided so that it is no higher than `highest`.
 

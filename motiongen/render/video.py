@@ -6,6 +6,7 @@ import io
 import struct
 from collections.abc import Callable, Iterable
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,6 @@ from PIL import Image
 
 from motiongen.errors import MotionGenError
 from motiongen.render.palette import gif_colours
-
-HIGHEST_MP4_RATE = 240.0
-HIGHEST_GIF_RATE = 50.0
-"""Browsers slow a GIF down whose delays are below 2/100 s."""
 
 _UNCHANGED = 255  # the palette index that lets the picture before show through
 
@@ -113,8 +110,25 @@ def _lzw(indices: NDArray[np.uint8]) -> bytes:
     return whole[header + 10 : -1]
 
 
-WRITERS: dict[str, Callable[[Path, Iterable[Image.Image], tuple[int, int], float], None]] = {
-    ".mp4": write_mp4,
-    ".gif": write_gif,
+@dataclass(frozen=True)
+class Kind:
+    """How one kind of animation is written.
+
+    Attributes:
+        write: from pictures of a size at a rate to a file.
+        usual_rate: pictures a second that are plenty.
+        highest_rate: pictures a second that players still show as they are.
+        even_sides: whether width and height must be even.
+    """
+
+    write: Callable[[Path, Iterable[Image.Image], tuple[int, int], float], None]
+    usual_rate: float
+    highest_rate: float
+    even_sides: bool
+
+
+KINDS = {
+    ".mp4": Kind(write_mp4, 30.0, 240.0, even_sides=True),
+    ".gif": Kind(write_gif, 15.0, 50.0, even_sides=False),  # browsers slow down delays below 2/100 s
 }
-"""How to write each kind of animation, by suffix."""
+"""The kinds of animation, by suffix."""

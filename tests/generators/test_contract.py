@@ -8,6 +8,7 @@ import torch
 
 import motiongen as mg
 from motiongen import Motion, MotionGenError
+from motiongen import rotations as rot
 from motiongen.generators.base import Generator, LatentGenerator
 from motiongen.generators.constraints import CONSTRAINTS, Constraint
 from motiongen.generators.registry import specs
@@ -67,15 +68,23 @@ def test_sampling_does_not_touch_the_global_random_state(generator: Generator) -
     assert torch.equal(before, torch.get_rng_state())
 
 
-def test_unsupported_constraints_are_refused_with_those_that_are_not(generator: Generator, clip: Motion) -> None:
-    examples: dict[str, Constraint] = {
-        "Keyframes": mg.Keyframes({0: clip[0]}),
+def examples_of_constraints(clip: Motion) -> dict[str, Constraint]:
+    """One of each kind, for a synthesis of 60 frames."""
+    return {
+        "Keyframes": mg.Keyframes({0: clip[30], 25: clip[80], 59: clip[3]}),
         "Loop": mg.Loop(),
-        "FixedJoints": mg.FixedJoints(clip, ("*",)),
-        "RootPath": mg.RootPath(np.zeros((2, 2))),
-        "Segment": mg.Segment(clip, 10, 20),
+        "FixedJoints": mg.FixedJoints(clip, (clip.skeleton.names[-1],)),
+        "RootPath": mg.RootPath(np.array([[0.0, 0.0], [1.0, 2.0], [4.0, 2.0]])),
+        "Segment": mg.Segment(clip[:60], 20, 40),
+        "Continuation": mg.Continuation(clip[:70]),
+        "InBetween": mg.InBetween(clip[:30], clip[60:]),
+        "Style": mg.Style(clip),
         "Parts": mg.Parts(),
     }
+
+
+def test_unsupported_constraints_are_refused_with_those_that_are_not(generator: Generator, clip: Motion) -> None:
+    examples = examples_of_constraints(clip)
     assert set(examples) == {kind.__name__ for kind in CONSTRAINTS}
     supported = {kind.__name__ for kind in generator.capabilities.constraints}
     for kind, constraint in examples.items():
@@ -83,6 +92,42 @@ def test_unsupported_constraints_are_refused_with_those_that_are_not(generator: 
             with pytest.raises(MotionGenError, match=f"does not take the constraint {kind}; it takes") as raised:
                 generator.sample(frames=20, constraints=[constraint])
             assert all(word in str(raised.value) for word in supported or {"none"})
+
+
+@pytest.mark.parametrize("kind", CONSTRAINTS, ids=lambda kind: kind.__name__)
+def test_supported_constraints_are_kept(generator: Generator, clip: Motion, kind: type[Constraint]) -> None:
+    if kind not in generator.capabilities.constraints:
+        pytest.skip(f"this generator does not take {kind.__name__}")
+    constraint = examples_of_constraints(clip)[kind.__name__]
+    motions = generator.sample(frames=60, count=2, seed=1, constraints=[constraint])
+    assert [len(motion) for motion in motions] == [60, 60]
+    largest = rot.angle_between(clip.rotations[1:], clip.rotations[:-1]).max()
+    for motion in motions:
+        if isinstance(constraint, mg.Keyframes):
+            for frame, pose in constraint.poses.items():
+                np.testing.assert_array_equal(motion.rotations[frame], pose.rotations[0])
+                assert motion.root_positions[frame, 1] == pytest.approx(pose.root_positions[0, 1])
+        elif isinstance(constraint, mg.Loop):
+            assert rot.angle_between(motion.rotations[-1], motion.rotations[0]).max() <= largest
+        elif isinstance(constraint, mg.FixedJoints):
+            joint = clip.skeleton.index(constraint.joints[0])
+            np.testing.assert_array_equal(motion.rotations[:, joint], clip.rotations[:60, joint])
+        elif isinstance(constraint, mg.Segment):
+            kept = [*range(20), *range(40, 60)]
+            np.testing.assert_array_equal(motion.rotations[kept], clip.rotations[kept])
+            np.testing.assert_array_equal(motion.translations[kept], clip.translations[kept])
+        elif isinstance(constraint, mg.Continuation):
+            seam = rot.angle_between(motion.rotations[0], constraint.motion.rotations[-1]).max()
+            assert seam <= 1.5 * largest
+            step = np.linalg.norm(motion.root_positions[0] - constraint.motion.root_positions[-1])
+            assert step <= 2 * np.linalg.norm(np.diff(clip.root_positions, axis=0), axis=-1).max()
+        elif isinstance(constraint, mg.InBetween):
+            for mine, theirs in ((0, constraint.before[-1]), (-1, constraint.after[0])):
+                assert rot.angle_between(motion.rotations[mine], theirs.rotations[0]).max() <= 1.5 * largest
+        turns = rot.angle_between(motion.rotations[1:], motion.rotations[:-1])
+        assert turns.max() <= 4 * largest
+    if not isinstance(constraint, (mg.Segment, mg.FixedJoints, mg.Style)):  # what is given may say it all
+        assert motions[0] != motions[1]
 
 
 def test_progress_rises_to_one(generator: Generator) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from pathlib import Path
 from typing import Any
@@ -183,13 +184,13 @@ def test_labels_are_written() -> None:
 def test_pictures_stream(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each picture is drawn when the last one has been taken: no heap of them."""
     order: list[str] = []
-    monkeypatch.setitem(video.WRITERS, ".gif", lambda path, pictures, size, rate: take(path, pictures))
 
-    def take(path: Path, pictures: Any) -> None:
+    def take(path: Path, pictures: Any, size: tuple[int, int], frame_rate: float) -> None:
         for _ in pictures:
             order.append("taken")
         path.write_bytes(b"")
 
+    monkeypatch.setitem(video.KINDS, ".gif", dataclasses.replace(video.KINDS[".gif"], write=take))
     render_clips([walking(8)], tmp_path / "a.gif", progress=lambda share: order.append("drawn"), **SMALL)
     assert order == ["taken", "drawn"] * (len(order) // 2)
 

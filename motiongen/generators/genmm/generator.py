@@ -3,21 +3,43 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from motiongen.easing import hold_poses
 from motiongen.errors import MotionGenError
 from motiongen.features import FeatureLayout, from_features, layout_of, rotation_features, to_features
 from motiongen.generators.base import Capabilities, Generator, Progress, sample_seed
-from motiongen.generators.constraints import Constraint
-from motiongen.generators.genmm.blending import blend
+from motiongen.generators.constraints import (
+    Constraint,
+    Continuation,
+    FixedJoints,
+    InBetween,
+    Keyframes,
+    Loop,
+    Parts,
+    Segment,
+    Style,
+)
+from motiongen.generators.genmm.basis import principal_axes
+from motiongen.generators.genmm.blending import assemble, blend
+from motiongen.generators.genmm.guidance import Guidance
 from motiongen.generators.genmm.options import GenMMOptions
-from motiongen.generators.genmm.pyramid import Pyramid
-from motiongen.generators.genmm.synthesis import build_pyramid, synthesise
+from motiongen.generators.genmm.parts import skeletal_parts
+from motiongen.generators.genmm.plan import CONTEXT_PATCHES, Plan, guidance_of, make_plan
+from motiongen.generators.genmm.pyramid import PartSource, Pyramid, build_pyramid, resize
+from motiongen.generators.genmm.synthesis import synthesise
 from motiongen.motion import Motion
+
+EASE_SECONDS = 0.5
+"""How long a motion takes to flow into a pose that it is held to, and out of it."""
+
+IN_PLACE_SPEED = 0.1
+"""Examples whose root drifts more slowly than this, in heights per second, loop in place."""
 
 
 class GenMM(Generator):
@@ -27,7 +49,9 @@ class GenMM(Generator):
     rate by the same choice of patches, so that a 60 Hz clip gives 60 Hz detail.
     """
 
-    capabilities: ClassVar[Capabilities] = Capabilities()
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        constraints=(Keyframes, Loop, FixedJoints, Segment, Continuation, InBetween, Style, Parts)
+    )
     options: GenMMOptions
 
     def __init__(self, options: GenMMOptions) -> None:
@@ -35,41 +59,44 @@ class GenMM(Generator):
         super().__init__(options)
         self.device = _device(options.device)
         self._layout: FeatureLayout
-        self._pyramid: Pyramid
+        self._examples_weighted: list[Tensor]
         self._native: Tensor
         self._like: Motion
         self._stride: int
+        self._pyramids: dict[object, Pyramid]
 
     @property
     def frame_rate(self) -> float:
         """The output rate where one is set, else the rate of the first example."""
         return self.options.output_rate or self.examples[0].frame_rate
 
+    # -- examples
+
     def _fit(self, motions: tuple[Motion, ...]) -> None:
         self._like = motions[0]
         self._stride = max(1, round(self._like.frame_rate / self.options.working_rate))
         self._layout = layout_of(motions, contacts=self.options.contacts)
         native = [self._example_features(motion) for motion in motions]
-        working = [features[:: self._stride] for features in native]
-        for motion, features in zip(motions, working):
-            if len(features) < self.options.patch_size:
+        for motion, features in zip(motions, native):
+            count = len(features[:: self._stride])
+            if count < self.options.patch_size:
                 raise MotionGenError(
-                    f"'{motion.name}' has {len(features)} frames at {self._like.frame_rate / self._stride:g} Hz, fewer "
-                    f"than a patch of {self.options.patch_size}; give a longer clip or a smaller patch_size"
+                    f"'{motion.name}' has {count} frames at {self._like.frame_rate / self._stride:g} Hz, fewer than a "
+                    f"patch of {self.options.patch_size}; give a longer clip or a smaller patch_size"
                 )
         # Native frames end to end, each example padded so that working frame j starts at native frame j * stride.
         padded = [np.pad(f, ((0, -len(f) % self._stride), (0, 0)), mode="edge") for f in native]
         self._native = torch.from_numpy(np.concatenate(padded)).to(self.device)
-        weights = torch.from_numpy(self._feature_weights())
-        examples = [(torch.from_numpy(f[:: self._stride]) * weights).to(self.device) for f in native]
-        self._pyramid = build_pyramid(examples, self.options)
+        weights = self._weights()
+        self._examples_weighted = [torch.from_numpy(f[:: self._stride] * weights).to(self.device) for f in native]
+        self._pyramids = {}
 
     def _example_features(self, motion: Motion) -> np.ndarray:
         if not math.isclose(motion.frame_rate, self._like.frame_rate, rel_tol=1e-6):
             motion = motion.resample(self._like.frame_rate)
         return to_features(motion, self._layout)
 
-    def _feature_weights(self) -> np.ndarray:
+    def _weights(self) -> np.ndarray:
         """(D,) what each feature is multiplied with for matching."""
         weights = np.ones(self._layout.size)
         weights[rotation_features(self._layout.root)] = self.options.root_rotation_weight
@@ -78,12 +105,32 @@ class GenMM(Generator):
         weights[self._layout.root_height] = self.options.root_motion_weight
         return weights
 
+    def _pyramid(self, parts: Parts | None, reduced: bool) -> Pyramid:
+        """The examples at all stages for these parts, built when first needed."""
+        key = (None if parts is None else tuple(parts.joints.items()), parts is None, reduced)
+        if key not in self._pyramids:
+            options, examples = self.options, self._examples_weighted
+            columns: list[Tensor | None] = [None]
+            if parts is not None:
+                joints = skeletal_parts(self._layout.skeleton, parts).values()
+                columns = [torch.from_numpy(self._layout.joint_features(part)).to(self.device) for part in joints]
+            sources = [PartSource(examples, chosen) for chosen in columns]
+            basis = principal_axes(examples) if reduced else None
+            self._pyramids[key] = build_pyramid(
+                sources, options.patch_size, options.coarse_patches, options.scale_factor, basis
+            )
+        return self._pyramids[key]
+
+    # -- synthesis
+
     def _sample(
         self, frames: int, count: int, seed: int, constraints: tuple[Constraint, ...], progress: Progress
     ) -> list[Motion]:
-        native_frames = self._native_frames(frames)
-        working_frames = max(self.options.patch_size, math.ceil((native_frames - 1) / self._stride) + 1)
-        steps, total = 0, count * len(self._pyramid.stages)
+        plan = self._plan(frames, constraints)
+        guidance = guidance_of(plan, self._layout, self._weights(), self._stride, self.device)
+        # Holds are columns of features; without them and without parts, fewer coordinates do.
+        pyramid = self._pyramid(plan.parts, reduced=plan.parts is None and not guidance.holds)
+        steps, total = 0, count * len(pyramid.stages)
 
         def advance() -> None:
             nonlocal steps
@@ -93,21 +140,64 @@ class GenMM(Generator):
         motions = []
         for index in range(count):
             # One at a time: on the CPU a batch is no faster, and a motion cannot depend on its neighbours' rounding.
-            nearest = synthesise(self._pyramid, working_frames, [sample_seed(seed, index)], self.options, advance)
-            features = blend(nearest, self._native, self.options.patch_size, self._stride, native_frames)[0]
-            motions.append(self._motion(features, index, frames))
+            features = self._features(plan, pyramid, guidance, sample_seed(seed, index), advance)
+            motion = self._finished(features, plan).replace(name=f"sample_{index:04d}")
+            if not math.isclose(motion.frame_rate, self.frame_rate, rel_tol=1e-6):
+                motion = motion.resample(self.frame_rate)[:frames]
+            motions.append(motion)
+        progress(1.0)
         return motions
 
-    def _native_frames(self, frames: int) -> int:
-        """Frames needed at the examples' rate for `frames` at the output rate."""
-        ratio = self._like.frame_rate / self.frame_rate
-        return math.ceil((frames - 1) * ratio - 1e-6) + 1
+    def _plan(self, frames: int, constraints: tuple[Constraint, ...]) -> Plan:
+        native_rate = self._like.frame_rate
+        ratio = native_rate / self.frame_rate
+        in_frames = [constraint for constraint in constraints if not isinstance(constraint, Parts)]
+        if in_frames and not math.isclose(ratio, 1.0, rel_tol=1e-6):
+            raise MotionGenError("constraints need the examples' own frame rate; leave output_rate out")
+        native_frames = math.ceil((frames - 1) * ratio - 1e-6) + 1
+        context = CONTEXT_PATCHES * self.options.patch_size * self._stride
+        return make_plan(native_frames, constraints, self._layout, native_rate, context)
 
-    def _motion(self, features: Tensor, index: int, frames: int) -> Motion:
-        motion = from_features(features.cpu().numpy(), self._layout, self._like).replace(name=f"sample_{index:04d}")
-        if not math.isclose(motion.frame_rate, self.frame_rate, rel_tol=1e-6):
-            motion = motion.resample(self.frame_rate)[:frames]
-        return motion
+    def _features(
+        self, plan: Plan, pyramid: Pyramid, guidance: Guidance, seed: int, advance: Callable[[], None]
+    ) -> np.ndarray:
+        """(plan.total, D) features at the native rate."""
+        size, stride, circular = self.options.patch_size, self._stride, guidance.circular
+        if circular:
+            working = max(size, round(plan.total / stride))
+            native_frames = working * stride
+        else:
+            working = max(size, math.ceil((plan.total - 1) / stride) + 1)
+            native_frames = plan.total
+        nearest = synthesise(pyramid, working, [seed], self.options, guidance, advance)
+        columns = [part.columns for part in pyramid.stages[-1].parts]
+        blended = [
+            blend(n, self._native if c is None else self._native[:, c], size, stride, native_frames, circular)
+            for n, c in zip(nearest, columns)
+        ]
+        features = assemble(blended, columns, self._layout.size)[0]
+        if native_frames != plan.total:  # a circle of a length that the working rate does not have
+            features = resize(features, plan.total, circular=True)
+            features[:, self._layout.root_steps] *= native_frames / plan.total
+        return features.cpu().numpy()
+
+    def _finished(self, features: np.ndarray, plan: Plan) -> Motion:
+        """The motion of (plan.total, D) features, with all that is known put in and the context cut off."""
+        if plan.loop is not None and self._loops_in_place(plan.loop):
+            features[:, self._layout.root_steps] -= features[:, self._layout.root_steps].mean(axis=0)
+        motion = from_features(features, self._layout, self._like)
+        window = EASE_SECONDS * motion.frame_rate
+        for known in plan.known:
+            motion = hold_poses(
+                motion, known.frames, known.poses, window, known.joints, known.ground, plan.loop is not None
+            )
+        return motion[plan.lead : plan.lead + plan.frames] if plan.total != plan.frames else motion
+
+    def _loops_in_place(self, loop: Loop) -> bool:
+        if loop.in_place is not None:
+            return loop.in_place
+        steps = self._native[:, self._layout.root_steps].mean(dim=0)  # heights a frame
+        return float(steps.norm()) * self._like.frame_rate < IN_PLACE_SPEED
 
 
 def _device(name: str) -> torch.device:

@@ -11,23 +11,50 @@ from torch import Tensor
 from torch.nn import functional
 
 from motiongen.generators.genmm.basis import Basis
+from motiongen.generators.genmm.matching import augment_examples
 
 
 @dataclass(frozen=True)
-class StageExamples:
-    """The examples at one stage, end to end.
+class PartExamples:
+    """The examples of one skeletal part at one stage, end to end.
 
     Attributes:
-        scale: length here over full length.
-        frames: (T, R) coordinates of all examples.
+        columns: (C,) the features that belong to the part; None: all of them.
+        frames: (T, C) those features of all examples.
         starts: (T,) True where a patch may start: not so near the end of an example that it would run into the next.
-        augmented: (R + 2, T) what `matching` multiplies with: see `matching.augment_examples`.
+        augmented: (C + 2, T) what `matching` multiplies with: see `matching.augment_examples`.
     """
 
-    scale: float
+    columns: Tensor | None
     frames: Tensor
     starts: Tensor
     augmented: Tensor
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of the pyramid.
+
+    Attributes:
+        scale: length here over full length.
+        parts: the skeletal parts, one at least; together they hold every feature.
+    """
+
+    scale: float
+    parts: tuple[PartExamples, ...]
+
+
+@dataclass(frozen=True)
+class PartSource:
+    """Where one part's patches come from.
+
+    Attributes:
+        examples: (T_i, D) weighted features of each example in double precision; only `columns` are read.
+        columns: (C,) the features that belong to the part; None: all of them.
+    """
+
+    examples: Sequence[Tensor]
+    columns: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -36,20 +63,63 @@ class Pyramid:
 
     Attributes:
         stages: coarsest first.
-        basis: the axes along which `stages` hold coordinates.
+        features: how many numbers each part has before they are reduced to coordinates; alpha is meant per number.
+        basis: the axes along which a single part holds coordinates; None: the features themselves.
         mean: (D,) mean feature of the coarsest examples.
         deviation: (D,) deviation of the coarsest examples' features.
     """
 
-    stages: tuple[StageExamples, ...]
-    basis: Basis
+    stages: tuple[Stage, ...]
+    features: tuple[int, ...]
+    basis: Basis | None
     mean: Tensor
     deviation: Tensor
 
-    @property
-    def features(self) -> int:
-        """How many features D a frame has, before they are reduced to coordinates."""
-        return len(self.mean)
+
+def build_pyramid(
+    sources: Sequence[PartSource],
+    patch_size: int,
+    coarse_patches: float,
+    scale_factor: float,
+    basis: Basis | None = None,
+    dtype: torch.dtype = torch.float32,
+) -> Pyramid:
+    """The examples at every stage.
+
+    Args:
+        sources: the parts, each with its examples, which are at least one patch long.
+        patch_size: p.
+        coarse_patches: K.
+        scale_factor: r.
+        basis: axes to match along, for a single part that holds all features.
+        dtype: precision to match in.
+    """
+    examples = [example for source in sources for example in source.examples]
+    mean_length = sum(len(example) for example in examples) / len(examples)
+    scales = stage_scales(mean_length, patch_size, coarse_patches, scale_factor)
+
+    def resized(frames: Tensor, scale: float) -> Tensor:
+        return resize(frames, stage_length(len(frames), scale, patch_size))
+
+    def part(source: PartSource, scale: float) -> PartExamples:
+        chosen = [example if source.columns is None else example[:, source.columns] for example in source.examples]
+        if basis is not None:
+            chosen = [basis.coordinates(example) for example in chosen]
+        small = [resized(example.to(dtype), scale) for example in chosen]
+        frames = torch.cat(small)
+        starts = patch_starts([len(example) for example in small], patch_size).to(frames.device)
+        return PartExamples(source.columns, frames, starts, augment_examples(frames))
+
+    stages = tuple(Stage(scale, tuple(part(source, scale) for source in sources)) for scale in scales)
+    size = examples[0].shape[1]
+    features = tuple(size if source.columns is None else len(source.columns) for source in sources)
+    mean, deviation = examples[0].new_zeros(size), examples[0].new_zeros(size)
+    for source in sources:
+        coarsest = torch.cat([resized(example, scales[0]) for example in source.examples])
+        columns = slice(None) if source.columns is None else source.columns
+        mean[columns] = coarsest.mean(dim=0)[columns]
+        deviation[columns] = coarsest.std(dim=0, unbiased=False)[columns]
+    return Pyramid(stages, features, basis, mean, deviation)
 
 
 def stage_scales(length: float, patch_size: int, coarse_patches: float, scale_factor: float) -> list[float]:
@@ -76,13 +146,23 @@ def stage_length(frames: int, scale: float, patch_size: int) -> int:
     return max(patch_size, round(frames * scale))
 
 
-def resize(frames: Tensor, length: int) -> Tensor:
-    """(B, F, D) or (F, D) features at another number of frames, linearly interpolated; first and last frame stay."""
+def resize(frames: Tensor, length: int, circular: bool = False) -> Tensor:
+    """(B, F, D) or (F, D) features at another number of frames, linearly interpolated.
+
+    The first and the last frame stay; with `circular` the first stays, and the last leads on into it.
+    """
     if frames.shape[-2] == length:
         return frames
     batched = frames if frames.dim() == 3 else frames[None]
-    resized = functional.interpolate(batched.transpose(1, 2), size=length, mode="linear", align_corners=True)
-    resized = resized.transpose(1, 2).contiguous()
+    if circular:
+        count = batched.shape[1]
+        times = torch.arange(length, device=frames.device, dtype=torch.float64) * count / length
+        before = times.long()
+        weight = (times - before)[:, None].to(batched.dtype)
+        resized = batched[:, before] * (1 - weight) + batched[:, (before + 1) % count] * weight
+    else:
+        resized = functional.interpolate(batched.transpose(1, 2), size=length, mode="linear", align_corners=True)
+        resized = resized.transpose(1, 2).contiguous()
     return resized if frames.dim() == 3 else resized[0]
 
 

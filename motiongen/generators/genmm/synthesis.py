@@ -7,34 +7,11 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor
 
-from motiongen.generators.genmm.basis import principal_axes
-from motiongen.generators.genmm.blending import blend
-from motiongen.generators.genmm.matching import augment_examples, nearest_patches, normaliser_floor
+from motiongen.generators.genmm.blending import assemble, blend
+from motiongen.generators.genmm.guidance import FREE, Guidance
+from motiongen.generators.genmm.matching import nearest_patches, normaliser_floor
 from motiongen.generators.genmm.options import GenMMOptions
-from motiongen.generators.genmm.pyramid import Pyramid, StageExamples, patch_starts, resize, stage_length, stage_scales
-
-
-def build_pyramid(examples: Sequence[Tensor], options: GenMMOptions, dtype: torch.dtype = torch.float32) -> Pyramid:
-    """The examples at every stage.
-
-    Args:
-        examples: (T_i, D) weighted features of each example in double precision, at least one patch long.
-        options: p, K and r.
-        dtype: precision to match in.
-    """
-    patch_size = options.patch_size
-    basis = principal_axes(examples)
-    coordinates = [basis.coordinates(example).to(dtype) for example in examples]
-    mean_length = sum(len(example) for example in examples) / len(examples)
-    scales = stage_scales(mean_length, patch_size, options.coarse_patches, options.scale_factor)
-    stages = []
-    for scale in scales:
-        resized = [resize(example, stage_length(len(example), scale, patch_size)) for example in coordinates]
-        frames = torch.cat(resized)
-        starts = patch_starts([len(example) for example in resized], patch_size).to(frames.device)
-        stages.append(StageExamples(scale, frames, starts, augment_examples(frames)))
-    coarsest = torch.cat([resize(e, stage_length(len(e), scales[0], patch_size)) for e in examples])
-    return Pyramid(tuple(stages), basis, coarsest.mean(dim=0), coarsest.std(dim=0, unbiased=False))
+from motiongen.generators.genmm.pyramid import Pyramid, Stage, resize, stage_length
 
 
 def synthesise(
@@ -42,8 +19,9 @@ def synthesise(
     frames: int,
     seeds: Sequence[int],
     options: GenMMOptions,
+    guidance: Guidance = FREE,
     advance: Callable[[], None] = lambda: None,
-) -> Tensor:
+) -> list[Tensor]:
     """Choose example patches for new sequences.
 
     Args:
@@ -51,30 +29,62 @@ def synthesise(
         frames: length of each sequence, at least one patch.
         seeds: one for each of the B sequences.
         options: p, alpha, E, noise.
+        guidance: what the sequences are held to; holds need a pyramid without a basis.
         advance: called after each stage.
 
     Returns:
-        (B, frames - p + 1) int64: for each place of the result the start of the example patch that stands there, to be
-        blended by `blending.blend`.
+        For each part (B, n) int64: for each place of the result the start of the example patch that stands there, to
+        be blended by `blending.blend`. n is frames - p + 1, or frames in a circle.
     """
-    floor = normaliser_floor(options.alpha, options.patch_size, pyramid.features)
-    coarsest_length = stage_length(frames, pyramid.stages[0].scale, options.patch_size)
-    guess = first_guess(pyramid, coarsest_length, seeds, options.noise)
-    for stage in pyramid.stages:
-        guess = resize(guess, stage_length(frames, stage.scale, options.patch_size))
+    size, circular = options.patch_size, guidance.circular
+    floors = [normaliser_floor(options.alpha, size, features) for features in pyramid.features]
+    begin = next(i for i, stage in enumerate(pyramid.stages) if stage.scale >= guidance.detail or stage.scale == 1.0)
+    length = stage_length(frames, pyramid.stages[begin].scale, size)
+    guess = first_guess(pyramid, length, seeds, options.noise, guidance)
+    nearest: list[Tensor] = []
+    for stage in pyramid.stages[begin:]:
+        guess = resize(guess, stage_length(frames, stage.scale, size), circular)
+        guess = guidance.apply(guess, frames)
         for _ in range(options.iterations):
-            nearest = nearest_patches(guess, stage.augmented, stage.starts, options.patch_size, floor)
-            guess = blend(nearest, stage.frames, options.patch_size)
+            nearest = match(guess, stage, size, floors, circular)
+            guess = guidance.apply(put_together(nearest, stage, size, guess.shape[-1], circular), frames)
         advance()
     return nearest
 
 
-def first_guess(pyramid: Pyramid, frames: int, seeds: Sequence[int], deviation: float) -> Tensor:
-    """(B, frames, R) coordinates of Gaussian noise around the examples' mean (F_1 of section 3.2).
+def match(
+    guess: Tensor, stage: Stage, patch_size: int, floors: Sequence[float | None], circular: bool = False
+) -> list[Tensor]:
+    """For each part the start (B, n) of the best example patch at each place of the guess (B, F, D)."""
+    if circular:  # a patch near the end goes on at the beginning
+        guess = torch.cat([guess, guess[:, : patch_size - 1]], dim=1)
+    return [
+        nearest_patches(
+            guess if part.columns is None else guess[..., part.columns], part.augmented, part.starts, patch_size, floor
+        )
+        for part, floor in zip(stage.parts, floors)
+    ]
+
+
+def put_together(nearest: Sequence[Tensor], stage: Stage, patch_size: int, size: int, circular: bool) -> Tensor:
+    """The sequences (B, F, D) that the chosen patches of all parts make."""
+    blended = [blend(n, part.frames, patch_size, circular=circular) for n, part in zip(nearest, stage.parts)]
+    return assemble(blended, [part.columns for part in stage.parts], size)
+
+
+def first_guess(
+    pyramid: Pyramid, frames: int, seeds: Sequence[int], deviation: float, guidance: Guidance = FREE
+) -> Tensor:
+    """(B, frames, D or R) Gaussian noise around the examples' mean (F_1 of section 3.2), or what is given, with noise.
 
     Each feature has `deviation` times its own deviation in the coarsest examples. Drawn on the CPU, sequence by
     sequence, so that a seed gives the same noise on every device and in every batch.
     """
-    drawn = [torch.randn(frames, pyramid.features, generator=torch.Generator().manual_seed(s)) for s in seeds]
-    noise = torch.stack(drawn).to(pyramid.mean) * (pyramid.deviation * deviation) + pyramid.mean
-    return pyramid.basis.coordinates(noise).to(pyramid.stages[0].frames.dtype)
+    size = len(pyramid.mean)
+    drawn = [torch.randn(frames, size, generator=torch.Generator().manual_seed(s)) for s in seeds]
+    noise = torch.stack(drawn).to(pyramid.mean) * (pyramid.deviation * deviation * guidance.noise)
+    around = pyramid.mean if guidance.guess is None else resize(guidance.guess, frames, guidance.circular)
+    guess = noise + around
+    if pyramid.basis is not None:
+        guess = pyramid.basis.coordinates(guess)
+    return guess.to(pyramid.stages[0].parts[0].frames.dtype)

@@ -13,8 +13,15 @@ from hypothesis import strategies as st
 from motiongen.generators.genmm.basis import principal_axes
 from motiongen.generators.genmm.blending import blend
 from motiongen.generators.genmm.options import GenMMOptions
-from motiongen.generators.genmm.pyramid import patch_starts, resize, stage_length, stage_scales
-from motiongen.generators.genmm.synthesis import build_pyramid, first_guess, synthesise
+from motiongen.generators.genmm.pyramid import (
+    PartSource,
+    build_pyramid,
+    patch_starts,
+    resize,
+    stage_length,
+    stage_scales,
+)
+from motiongen.generators.genmm.synthesis import first_guess, synthesise
 from tests.generators.genmm.test_matching import features
 from tools import plain_genmm
 
@@ -73,15 +80,16 @@ def test_the_whole_synthesis_is_that_of_the_plain_method(lengths: list[int]) -> 
     """All stages, in double precision, so that rounding decides nothing."""
     options = GenMMOptions(patch_size=7)
     examples = [features(i, length, 6) for i, length in enumerate(lengths)]
-    pyramid = build_pyramid(examples, options, dtype=torch.float64)
+    basis = principal_axes(examples)
+    pyramid = build_pyramid([PartSource(examples)], 7, 4.0, 4 / 3, basis, dtype=torch.float64)
     assert len(pyramid.stages) > 2
     sizes = [stage_length(150, stage.scale, 7) for stage in pyramid.stages]
-    nearest = synthesise(pyramid, 150, [5], options)
+    nearest = synthesise(pyramid, 150, [5], options)[0]
     fast = blend(nearest, torch.cat(examples), 7)[0]
 
     stages = [[plain_genmm.resize(e, stage_length(len(e), s.scale, 7)) for e in examples] for s in pyramid.stages]
     coordinates = first_guess(pyramid, sizes[0], [5], options.noise)[0]
-    noise = coordinates @ pyramid.basis.axes.T + pyramid.basis.mean
+    noise = coordinates @ basis.axes.T + basis.mean
     plain = plain_genmm.synthesise(stages, sizes, noise, 7, 0.01, options.iterations)
     torch.testing.assert_close(fast, plain, atol=1e-6, rtol=1e-6)
 

@@ -1,0 +1,130 @@
+"""Make a motion hold given poses exactly, and let what comes before and after flow into them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motiongen import rotations as rot
+from motiongen.motion import Motion
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Easing:
+    """How much of the correction at the held frames before and after each frame reaches it.
+
+    Attributes:
+        before: (T,) index of the last held frame at or before each frame (or the first held one).
+        after: (T,) index of the first held frame at or after it (or the last held one).
+        weight_before: (T,) share of the correction of `before`.
+        weight_after: (T,) share of the correction of `after`; 0 where both are the same.
+    """
+
+    before: Indices
+    after: Indices
+    weight_before: Array
+    weight_after: Array
+
+    def spread(self, corrections: Array) -> Array:
+        """Corrections at the held frames (n, ...) as corrections of all frames (T, ...)."""
+        extra = (1,) * (corrections.ndim - 1)
+        return corrections[self.before] * self.weight_before.reshape(-1, *extra) + corrections[
+            self.after
+        ] * self.weight_after.reshape(-1, *extra)
+
+
+def easing(held: Indices, frames: int, window: float, circular: bool = False) -> Easing:
+    """Shares that fall from 1 at a held frame to 0 at `window` frames from it, with level ends (a half cosine).
+
+    Where two held frames lie closer than that, the shares of both fall just so far that they add up to 1 in between.
+
+    Args:
+        held: (n,) ascending held frames, at least one.
+        frames: T.
+        window: in frames. With infinity each correction reaches to the next held frame, and beyond the first and the
+            last one it stays.
+        circular: frame T is frame 0 again.
+    """
+    numbers = np.arange(len(held))
+    if circular:
+        held, numbers = np.concatenate([held - frames, held, held + frames]), np.tile(numbers, 3)
+    time = np.arange(frames)
+    before = np.searchsorted(held, time, side="right") - 1  # -1: there is none
+    after = np.searchsorted(held, time)  # len(held): there is none
+    to_before = np.where(before >= 0, time - held[before], np.inf)
+    to_after = np.where(after < len(held), held[after.clip(max=len(held) - 1)] - time, np.inf)
+    reach = np.maximum(np.minimum(window, to_before + to_after), 1.0)
+
+    def share(distance: Array) -> Array:
+        with np.errstate(invalid="ignore"):  # infinity by infinity, where there is no such held frame
+            fallen = np.minimum(distance / reach, 1.0)
+        return np.where(np.isinf(distance), 0.0, 0.5 * (1 + np.cos(np.pi * np.nan_to_num(fallen))))
+
+    return Easing(
+        before=numbers[before.clip(min=0)],
+        after=numbers[after.clip(max=len(held) - 1)],
+        weight_before=share(to_before),
+        weight_after=np.where(to_after == 0, 0.0, share(to_after)),  # a held frame is its own neighbour on both sides
+    )
+
+
+def hold_poses(
+    motion: Motion,
+    held: Indices,
+    poses: Motion,
+    window: float,
+    joints: tuple[int, ...] | None = None,
+    ground: bool = True,
+    circular: bool = False,
+) -> Motion:
+    """A motion that has the given poses at the held frames, bit for bit, and flows into them.
+
+    At a held frame the correction is the whole difference; around it, it fades out within `window` frames. On the
+    ground it does not fade but is spread over all frames between two held ones, and stays before the first and after
+    the last: a character that arrives elsewhere takes slightly other steps, and does not slide at the end.
+
+    Args:
+        motion: (T frames) what to correct.
+        held: (n,) ascending frames of `motion`.
+        poses: (n frames) what holds there; of the same skeleton, with the same translating joints.
+        window: in frames.
+        joints: the joints that are held; all by default.
+        ground: hold where the root stands on the ground, too, not only its height.
+        circular: the end of the motion leads into its beginning.
+    """
+    chosen = list(range(len(motion.skeleton))) if joints is None else list(joints)
+    fading = easing(held, len(motion), window, circular)
+    rotations = motion.rotations.copy()
+    wrong = rot.multiply(poses.rotations[:, chosen], rot.inverse(rotations[held][:, chosen]))  # (n, C, 4)
+    turns = fading.spread(rot.to_rotation_vector(wrong))
+    rotations[:, chosen] = rot.multiply(rot.from_rotation_vector(turns), rotations[:, chosen])
+    rotations[held[:, None], chosen] = poses.rotations[:, chosen]
+    translations = motion.translations.copy()
+    for column, joint in enumerate(motion.translating):
+        if joint not in chosen:
+            continue
+        wrong_place = poses.translations[:, column] - translations[held, column]  # (n, 3)
+        if joint != motion.root:
+            translations[:, column] += fading.spread(wrong_place)
+        else:
+            translations[:, column] += _root_shift(motion, held, wrong_place, fading, ground, circular)
+        if joint != motion.root or ground:
+            translations[held, column] = poses.translations[:, column]
+    return motion.replace(rotations=rotations, translations=translations)
+
+
+def _root_shift(motion: Motion, held: Indices, wrong: Array, fading: Easing, ground: bool, circular: bool) -> Array:
+    """(T, 3) what to add to the root's translation in its parent's frame; `wrong` (n, 3) is it at the held frames."""
+    parent = motion.skeleton.parents[motion.root]
+    turned = motion.world_rotations[:, parent] if parent != -1 else np.tile(rot.IDENTITY, (len(motion), 1))
+    world = rot.rotate(turned[held], wrong)
+    upright, level = world * [0.0, 1.0, 0.0], world * [1.0, 0.0, 1.0]
+    shift = fading.spread(upright)
+    if ground:
+        shift = shift + easing(held, len(motion), np.inf, circular).spread(level)
+    return rot.rotate(rot.inverse(turned), shift)
