@@ -73,6 +73,48 @@ def easing(held: Indices, frames: int, window: float, circular: bool = False) ->
     )
 
 
+def limit_turns(motion: Motion, limit_radians: float, circular: bool = False) -> Motion:
+    """Spread turns of the whole body that are quicker than anything the body does.
+
+    Frames blended from two patches that face opposite ways have no direction of their own, and the body spins round in
+    a frame or two. What a frame's turn about the up axis has in excess of the limit is taken out and spread over as
+    many frames as it needs, by a half cosine, half of the limit at most; the body faces as before outside of them.
+    Turns within the limit stay as they are.
+
+    Args:
+        motion: what to calm.
+        limit_radians: the largest turn of a frame, more than zero: the examples' own.
+        circular: the end leads into the beginning.
+    """
+    root, frames = motion.root, len(motion)
+    if frames < 2 or limit_radians <= 0:
+        return motion
+    world = motion.world_rotations[:, root]  # (T, 4)
+    following = np.concatenate([world[1:], world[:1]])
+    turns = rot.to_rotation_vector(rot.heading(rot.multiply(following, rot.inverse(world))))[:, 1]  # (T,) t -> t + 1
+    if not circular:
+        turns[-1] = 0.0
+    excess = turns - np.clip(turns, -limit_radians, limit_radians)
+    if not excess.any():
+        return motion
+    spread = -excess
+    time = np.arange(frames)
+    for frame in np.flatnonzero(excess):
+        reach = max(1.0, np.pi * abs(excess[frame]) / (2 * limit_radians))  # frames to each side
+        distance = np.abs(time - frame)
+        distance = np.minimum(distance, frames - distance) if circular else distance
+        share = np.where(distance <= reach, 1 + np.cos(np.pi * np.minimum(distance / reach, 1.0)), 0.0)
+        spread += excess[frame] * share / share.sum()
+    change = np.concatenate([[0.0], np.cumsum(spread)[:-1]])  # (T,) radians that each frame faces elsewhere
+    turned = rot.multiply(rot.from_axis_angle(np.array([0.0, 1.0, 0.0]), change), world)
+    parent = motion.skeleton.parents[root]
+    if parent != -1:
+        turned = rot.multiply(rot.inverse(motion.world_rotations[:, parent]), turned)
+    rotations = motion.rotations.copy()
+    rotations[:, root] = turned
+    return motion.replace(rotations=rot.continuous(rotations))
+
+
 def hold_poses(
     motion: Motion,
     held: Indices,

@@ -107,7 +107,7 @@ def make_report(
         run: how they were made, as plain data; versions of the packages at work are added.
         metrics_rate: rate in Hz at which quality is measured; jitter and steps mean nothing across rates.
     """
-    remarks = list(dict.fromkeys(f"{clip.name}: {note}" for clip in examples for note in clip.notes))
+    remarks = list(dict.fromkeys(f"{clip.name}: {note}" for clip in (*examples, *syntheses) for note in clip.notes))
     metrics = None
     try:
         metrics = one_clip_metrics(examples, syntheses)

@@ -27,6 +27,7 @@ FLOORS = {
     "motiongen.mirror": 0,
     "motiongen.contact": 0,
     "motiongen.easing": 0,
+    "motiongen.adapt": 0,
     # what is made of them
     "motiongen.assets": 1,
     "motiongen.io": 1,

@@ -29,11 +29,15 @@ class Constraint:
 class Keyframes(Constraint):
     """Poses that hold exactly at their frames.
 
+    The joints' rotations and the root's height are held; where the root stands on the ground is not.
+
     Attributes:
-        poses: frame of the synthesis -> a one-frame motion.
+        poses: frame of the synthesis -> a one-frame motion. `motiongen.adapt` brings poses of a like rig here.
+        joints: names or shell-style patterns of the joints that are held; None: all.
     """
 
     poses: Mapping[int, Motion]
+    joints: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         """Check that there are poses, of one frame each."""
@@ -50,6 +54,8 @@ class Keyframes(Constraint):
             if not 0 <= frame < frames:
                 raise MotionGenError(f"there is no frame {frame} for a key; frames go from 0 to {frames - 1}")
             _check_skeleton(f"the key at frame {frame}", skeleton, pose)
+        if self.joints is not None:
+            skeleton.select(self.joints)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from motiongen.easing import hold_poses
+from motiongen import rotations as rot
+from motiongen.easing import hold_poses, limit_turns
 from motiongen.errors import MotionGenError
 from motiongen.features import FeatureLayout, from_features, layout_of, rotation_features, to_features
 from motiongen.generators.base import Capabilities, Generator, Progress, sample_seed
@@ -28,6 +29,7 @@ from motiongen.generators.constraints import (
 from motiongen.generators.genmm.basis import principal_axes
 from motiongen.generators.genmm.blending import assemble, blend
 from motiongen.generators.genmm.guidance import Guidance
+from motiongen.generators.genmm.keys import easing_window, far_keys
 from motiongen.generators.genmm.options import GenMMOptions
 from motiongen.generators.genmm.parts import skeletal_parts
 from motiongen.generators.genmm.plan import CONTEXT_PATCHES, Plan, guidance_of, make_plan
@@ -60,6 +62,8 @@ class GenMM(Generator):
         self.device = _device(options.device)
         self._layout: FeatureLayout
         self._examples_weighted: list[Tensor]
+        self._native_examples: tuple[Motion, ...]
+        self._quickest_turn: float
         self._native: Tensor
         self._like: Motion
         self._stride: int
@@ -76,7 +80,9 @@ class GenMM(Generator):
         self._like = motions[0]
         self._stride = max(1, round(self._like.frame_rate / self.options.working_rate))
         self._layout = layout_of(motions, contacts=self.options.contacts)
-        native = [self._example_features(motion) for motion in motions]
+        self._native_examples = tuple(self._at_native_rate(motion) for motion in motions)
+        self._quickest_turn = max(_quickest_turn(motion) for motion in self._native_examples)
+        native = [to_features(motion, self._layout) for motion in self._native_examples]
         for motion, features in zip(motions, native):
             count = len(features[:: self._stride])
             if count < self.options.patch_size:
@@ -91,10 +97,9 @@ class GenMM(Generator):
         self._examples_weighted = [torch.from_numpy(f[:: self._stride] * weights).to(self.device) for f in native]
         self._pyramids = {}
 
-    def _example_features(self, motion: Motion) -> np.ndarray:
-        if not math.isclose(motion.frame_rate, self._like.frame_rate, rel_tol=1e-6):
-            motion = motion.resample(self._like.frame_rate)
-        return to_features(motion, self._layout)
+    def _at_native_rate(self, motion: Motion) -> Motion:
+        same = math.isclose(motion.frame_rate, self._like.frame_rate, rel_tol=1e-6)
+        return motion if same else motion.resample(self._like.frame_rate)
 
     def _weights(self) -> np.ndarray:
         """(D,) what each feature is multiplied with for matching."""
@@ -127,7 +132,9 @@ class GenMM(Generator):
         self, frames: int, count: int, seed: int, constraints: tuple[Constraint, ...], progress: Progress
     ) -> list[Motion]:
         plan = self._plan(frames, constraints)
-        guidance = guidance_of(plan, self._layout, self._weights(), self._stride, self.device)
+        guidance = guidance_of(
+            plan, self._layout, self._weights(), self._stride, self._examples_weighted, self.options.patch_size // 2
+        )
         # Holds are columns of features; without them and without parts, fewer coordinates do.
         pyramid = self._pyramid(plan.parts, reduced=plan.parts is None and not guidance.holds)
         steps, total = 0, count * len(pyramid.stages)
@@ -186,11 +193,17 @@ class GenMM(Generator):
         if plan.loop is not None and self._loops_in_place(plan.loop):
             features[:, self._layout.root_steps] -= features[:, self._layout.root_steps].mean(axis=0)
         motion = from_features(features, self._layout, self._like)
-        window = EASE_SECONDS * motion.frame_rate
+        motion = limit_turns(motion, self._quickest_turn, plan.loop is not None)
+        notes: tuple[str, ...] = ()
         for known in plan.known:
+            window = EASE_SECONDS * motion.frame_rate
+            if not known.dense:
+                window = easing_window(motion, known, self._native_examples, window)
+                notes += far_keys(known, self._native_examples, plan.lead)
             motion = hold_poses(
                 motion, known.frames, known.poses, window, known.joints, known.ground, plan.loop is not None
             )
+        motion = motion.replace(notes=notes)
         return motion[plan.lead : plan.lead + plan.frames] if plan.total != plan.frames else motion
 
     def _loops_in_place(self, loop: Loop) -> bool:
@@ -198,6 +211,13 @@ class GenMM(Generator):
             return loop.in_place
         steps = self._native[:, self._layout.root_steps].mean(dim=0)  # heights a frame
         return float(steps.norm()) * self._like.frame_rate < IN_PLACE_SPEED
+
+
+def _quickest_turn(motion: Motion) -> float:
+    """The largest turn of the root about the up axis within a frame, in radians."""
+    world = motion.world_rotations[:, motion.root]
+    between = rot.multiply(world[1:], rot.inverse(world[:-1]))
+    return float(np.abs(rot.to_rotation_vector(rot.heading(between))[:, 1]).max(initial=0.0))
 
 
 def _device(name: str) -> torch.device:

@@ -134,12 +134,18 @@ def make_plan(frames: int, constraints: Sequence[Constraint], layout: FeatureLay
         known.append(Known(np.arange(frames), given[:frames], joints, ground=layout.root in joints))
     if (keys := _of(by_kind, Keyframes)) is not None:
         joined = _joined([pose.with_translating(translating) for pose in keys.poses.values()])
-        known.append(Known(np.array(list(keys.poses)) + lead, joined, ground=False, dense=False))
+        held = None if keys.joints is None else layout.skeleton.select(keys.joints)
+        known.append(Known(np.array(list(keys.poses)) + lead, joined, held, ground=False, dense=False))
     return Plan(frames, lead, tail, tuple(known), _of(by_kind, Loop), _of(by_kind, Parts), _of(by_kind, Style))
 
 
 def guidance_of(
-    plan: Plan, layout: FeatureLayout, weights: NDArray[np.float64], stride: int, device: torch.device
+    plan: Plan,
+    layout: FeatureLayout,
+    weights: NDArray[np.float64],
+    stride: int,
+    examples: Sequence[torch.Tensor],
+    reach: int,
 ) -> Guidance:
     """The plan as weighted features at the working rate.
 
@@ -148,9 +154,16 @@ def guidance_of(
         layout: of the features.
         weights: (D,) what features are multiplied with for matching.
         stride: frames at the examples' rate to one at the working rate.
-        device: where to compute.
+        examples: (T_i, D) weighted features of the examples at the working rate.
+        reach: working frames to each side of a key that move as the example does there.
     """
-    holds = [_hold(known, layout, weights, stride, device) for known in plan.known]
+    device = examples[0].device
+    holds = [
+        _hold(known, layout, weights, stride, device)
+        if known.dense
+        else _hold_keys(known, layout, weights, stride, examples, reach)
+        for known in plan.known
+    ]
     guess, detail = None, 0.0
     if plan.style is not None:
         content = to_features(plan.style.content[: plan.frames], layout)[::stride] * weights
@@ -165,22 +178,55 @@ def guidance_of(
 
 
 def _hold(known: Known, layout: FeatureLayout, weights: NDArray[np.float64], stride: int, device: torch.device) -> Hold:
+    """Known motion: the working frames among the known ones keep their features, steps included."""
+    # Each unbroken run by itself: a step across a gap is none.
+    runs = np.split(np.arange(len(known.frames)), np.flatnonzero(np.diff(known.frames) > 1) + 1)
+    features = np.concatenate([to_features(_frames_of(known.poses, run), layout) for run in runs])
+    on_grid = known.frames % stride == 0
+    columns = _columns(known, layout)
+    values = torch.from_numpy((features * weights)[on_grid][:, columns])
+    times = torch.from_numpy(known.frames[on_grid] // stride)
+    return Hold(times.to(device), values.to(device), torch.from_numpy(columns).to(device))
+
+
+def _hold_keys(
+    known: Known,
+    layout: FeatureLayout,
+    weights: NDArray[np.float64],
+    stride: int,
+    examples: Sequence[torch.Tensor],
+    reach: int,
+) -> Hold:
+    """Known poses: around each key the example frames around the pose nearest to it are held.
+
+    A pose alone says nothing of how it is moved through. Holding the example's way through it, and not the pose, keeps
+    velocities the example's own; the pose itself is put in at the end.
+    """
+    columns = _columns(known, layout)
+    posed = columns[~np.isin(columns, np.arange(layout.size)[layout.root_steps])]
+    keys = torch.from_numpy((to_features(known.poses, layout) * weights)[:, posed]).to(examples[0])
+    frames = torch.cat(list(examples))
+    nearest = torch.cdist(keys, frames[:, posed]).argmin(dim=1).tolist()
+    ends = np.cumsum([len(example) for example in examples])
+    at = np.round(known.frames / stride).astype(np.int64)
+    held: dict[int, int] = {}  # working frame -> frame of the examples, end to end
+    for number, source in enumerate(nearest):
+        which = int(np.searchsorted(ends, source, side="right"))
+        first, last = int(ends[which]) - len(examples[which]), int(ends[which]) - 1
+        gaps = [abs(int(at[number] - at[other])) for other in (number - 1, number + 1) if 0 <= other < len(at)]
+        near = min([reach, *((gap - 1) // 2 for gap in gaps if gap > 0)])
+        for offset in range(max(-near, first - source, -int(at[number])), min(near, last - source) + 1):
+            held[int(at[number]) + offset] = source + offset
+    times = torch.tensor(sorted(held), device=frames.device)
+    values = frames[[held[int(time)] for time in times]][:, torch.from_numpy(columns)]
+    return Hold(times, values, torch.from_numpy(columns).to(frames.device))
+
+
+def _columns(known: Known, layout: FeatureLayout) -> NDArray[np.int64]:
+    """The features of the known joints; contact labels are found anew."""
     joints = range(len(layout.skeleton)) if known.joints is None else known.joints
     columns = layout.joint_features(joints)
-    columns = columns[columns < layout.contacts.start]  # labels are found anew
-    if known.dense:
-        # Each unbroken run by itself: a step across a gap is none.
-        runs = np.split(np.arange(len(known.frames)), np.flatnonzero(np.diff(known.frames) > 1) + 1)
-        features = np.concatenate([to_features(_frames_of(known.poses, run), layout) for run in runs])
-        on_grid = known.frames % stride == 0
-        times = known.frames[on_grid] // stride
-    else:  # a pose alone has no velocity
-        features = to_features(known.poses, layout)
-        steps = np.arange(layout.size)[layout.root_steps]
-        columns = columns[~np.isin(columns, steps)]
-        times, on_grid = np.unique(np.round(known.frames / stride).astype(np.int64), return_index=True)
-    values = torch.from_numpy((features * weights)[on_grid][:, columns])
-    return Hold(torch.from_numpy(times).to(device), values.to(device), torch.from_numpy(columns).to(device))
+    return columns[columns < layout.contacts.start]
 
 
 def _end_of(motion: Motion, context: int) -> Known:
