@@ -54,7 +54,7 @@ def run_application(task: Callable[[DictConfig], None], config_name: str, argume
     try:
         application()
     except (HydraException, OmegaConfBaseException) as error:
-        choices = [override for override in overrides if override.startswith("generator=")]
+        choices = [override for override in overrides if override.startswith(("generator=", "constraint="))]
         raise MotionGenError(_explained(error, config_name, choices)) from error
     except SystemExit as leaving:  # after --help and the like; a success is none of the caller's concern
         if leaving.code not in (0, None):

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from motiongen import io
 from motiongen.assets import EXAMPLE_CLIP
+from motiongen.commands.constraint_settings import Material, read_constraints
 from motiongen.commands.hydra_app import run_application
 from motiongen.console import progress_bar
 from motiongen.errors import MotionGenError
 from motiongen.files import atomic_write
+from motiongen.generators.constraints import Constraint, FixedJoints, Keyframes, Segment, Style
 from motiongen.generators.options import Options
 from motiongen.generators.registry import GeneratorSpec, spec_of
 from motiongen.motion import METRES_PER_UNIT, UP_AXES, Motion
@@ -44,6 +46,7 @@ class Request:
     preview: str
     preview_count: int
     preview_seconds: float
+    constraints: Mapping[str, Mapping[str, Any]]
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -73,7 +76,8 @@ def read_request(config: DictConfig) -> Request:
     Raises:
         MotionGenError: naming the setting, what came and what is allowed.
     """
-    values: dict[str, Any] = OmegaConf.to_container(config, resolve=True)  # type: ignore[assignment]
+    constraints = _constraints(config)
+    values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
     generator = dict(values["generator"])
     spec = spec_of(str(generator.pop("name")))
     formats = [suffix.lstrip(".") for suffix in io.formats()]
@@ -91,6 +95,7 @@ def read_request(config: DictConfig) -> Request:
         preview=_preview(values["preview"]),
         preview_count=_whole("preview_count", values["preview_count"], 0),
         preview_seconds=_positive("preview_seconds", values["preview_seconds"]),
+        constraints=constraints,
     )
 
 
@@ -99,9 +104,11 @@ def _sample(request: Request, folder: Path, composed: str) -> None:
     begun = time.perf_counter()
     generator = request.spec.create(request.options).fit(examples)
     fitted = time.perf_counter()
-    frames = request.frames or _default_frames(examples, generator)
+    material = Material(examples, generator.frame_rate, request.up, request.unit)
+    constraints = read_constraints(request.constraints, material)
+    frames = request.frames or _default_frames(examples, generator, constraints)
     with progress_bar("sampling") as progress:
-        motions = generator.sample(frames, request.count, request.seed, progress=progress)
+        motions = generator.sample(frames, request.count, request.seed, constraints, progress)
     sampled = time.perf_counter()
     written = []
     for motion in motions:
@@ -115,6 +122,7 @@ def _sample(request: Request, folder: Path, composed: str) -> None:
         "generator": request.spec.name,
         "options": request.options.to_dict(),
         "examples": [clip.name for clip in examples],
+        "constraints": list(request.constraints),
         "frames": frames,
         "frame_rate_hz": generator.frame_rate,
         "count": request.count,
@@ -159,9 +167,26 @@ def _summarise(report: Report, seconds: float, folder: Path, files: Sequence[Pat
         print(f"  from an earlier run, left as they were: {', '.join(stale)}")
 
 
-def _default_frames(examples: Sequence[Motion], generator: Generator) -> int:
-    """Twice the examples' length, in frames at the generator's rate."""
+def _default_frames(examples: Sequence[Motion], generator: Generator, constraints: Sequence[Constraint]) -> int:
+    """As many as a constraint says, else twice the examples' length, in frames at the generator's rate."""
+    for constraint in constraints:
+        if isinstance(constraint, Segment):
+            return len(constraint.motion)
+        if isinstance(constraint, Keyframes):
+            return max(constraint.poses) + 1
+        if isinstance(constraint, FixedJoints):
+            return len(constraint.motion.resample(generator.frame_rate))
+        if isinstance(constraint, Style):
+            return len(constraint.content.resample(generator.frame_rate))
     return round(2 * sum(len(clip) * generator.frame_rate / clip.frame_rate for clip in examples))
+
+
+def _constraints(config: DictConfig) -> dict[str, dict[str, Any]]:
+    for kind, values in config.constraints.items():
+        for key in values:
+            if OmegaConf.is_missing(values, key):
+                raise MotionGenError(f"constraint={kind} needs constraints.{kind}.{key}=...; see configs/constraint")
+    return cast(dict[str, dict[str, Any]], OmegaConf.to_container(config.constraints))
 
 
 def _clips(given: Any) -> tuple[Path, ...]:

@@ -68,6 +68,11 @@ class Loop(Constraint):
 
     in_place: bool | None = None
 
+    def __post_init__(self) -> None:
+        """Check the type."""
+        if self.in_place not in (True, False, None):
+            raise MotionGenError(f"in_place of a loop must be true, false or null, not {self.in_place!r}")
+
 
 @dataclass(frozen=True, eq=False)
 class FixedJoints(Constraint):
@@ -136,7 +141,8 @@ class Segment(Constraint):
             raise MotionGenError(
                 f"the clip of the segment has {len(self.motion)} frames; ask for as many, not {frames}"
             )
-        if not 0 <= self.start < self.stop <= frames:
+        whole = all(isinstance(bound, int) and not isinstance(bound, bool) for bound in (self.start, self.stop))
+        if not (whole and 0 <= self.start < self.stop <= frames):
             raise MotionGenError(
                 f"the segment {self.start}:{self.stop} does not lie in a clip with frames 0 to {frames - 1}"
             )
@@ -214,8 +220,8 @@ class Style(Constraint):
 
     def __post_init__(self) -> None:
         """Check the share."""
-        if not 0 < self.detail <= 1:
-            raise MotionGenError(f"the detail of a style must lie above 0 and at most at 1, not {self.detail}")
+        if not isinstance(self.detail, (int, float)) or not 0 < self.detail <= 1:
+            raise MotionGenError(f"the detail of a style must lie above 0 and at most at 1, not {self.detail!r}")
 
     def check(self, skeleton: Skeleton, frames: int) -> None:
         """The content must be of the same skeleton and long enough."""
