@@ -16,19 +16,22 @@ def run(arguments: Sequence[str]) -> None:
     parser.add_argument("clips", nargs="+", metavar="CLIP", help="the clips to read")
     parser.add_argument("out", help="the picture to write: .mp4, .gif, or .png for a film strip")
     add_reading_arguments(parser)
-    parser.add_argument("--size", default="640x480", help="width x height in pixels of the whole (default: 640x480)")
+    parser.add_argument("--size", help="WIDTHxHEIGHT in pixels of the whole, such as 640x480 (default: as needed)")
     parser.add_argument("--rate", type=float, help="pictures a second (default: chosen by format)")
     parser.add_argument("--seconds", type=float, help="draw only so many seconds")
     options = parser.parse_args(arguments)
-    width, by, height = options.size.partition("x")
-    if not (by and width.isdigit() and height.isdigit()):
-        parser.error(f"--size must be WIDTHxHEIGHT, such as 640x480, not '{options.size}'")
+    size = None
+    if options.size is not None:
+        width, by, height = options.size.partition("x")
+        if not (by and width.isdigit() and height.isdigit()):
+            parser.error(f"--size must be WIDTHxHEIGHT, such as 640x480, not '{options.size}'")
+        size = (int(width), int(height))
     motions = [io.load(path, up=options.up, unit=options.unit) for path in options.clips]
     with progress_bar("drawing") as progress:
         render_clips(
             motions,
             options.out,
-            size=(int(width), int(height)),
+            size=size,
             frame_rate=options.rate,
             seconds=options.seconds,
             progress=progress,
