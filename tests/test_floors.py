@@ -35,6 +35,9 @@ FLOORS = {
     "motiongen.quality": 1,
     "motiongen.ik": 1,
     "motiongen.datasets": 1,
+    "motiongen.secondary": 1,
+    "motiongen.trajectory": 1,
+    "motiongen.reassembly": 2,
     # measures, and the generators' contract
     "motiongen.metrics": 2,
     "motiongen.generators": 2,

@@ -65,9 +65,9 @@ def write_npz(motion: Motion, path: Path) -> None:
         "translations": motion.translations,
         "translating": motion.translating,
     }
-    arrays = {name: np.ascontiguousarray(values[name], dtype) for name, dtype in MEMBERS.items()}
+    arrays: dict[str, Any] = {name: np.ascontiguousarray(values[name], dtype) for name, dtype in MEMBERS.items()}
     with atomic_write(path) as file:
-        np.savez(file, allow_pickle=False, **arrays)
+        np.savez(file, **arrays)
 
 
 def read_npz(path: Path, up: str | None = None, unit: str | None = None) -> Motion:

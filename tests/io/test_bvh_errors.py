@@ -209,11 +209,13 @@ def test_a_file_of_another_kind_costs_one_line(tmp_path: Path, kind: str) -> Non
     assert not words or re.search(words, message), message
 
 
-def test_the_line_is_named_in_later_blocks_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("motiongen.io.bvh.source.BLOCK", 100)
+@pytest.mark.parametrize("block", range(90, 120))
+def test_the_line_is_named_in_later_blocks_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int) -> None:
+    """Also where the end of a block falls between the two characters of a line end."""
+    monkeypatch.setattr("motiongen.io.bvh.source.BLOCK", block)
     text = TEXT.replace("Frames: 3", "Frames: 54") + "0 0.9 3 1 2 3 4 5 6 7 8 9\n" * 50 + "0 oops\n"
     with pytest.raises(MotionGenError, match=r"broken\.bvh:77: 'oops'"):
-        load(write_text(tmp_path / "broken.bvh", text))
+        load(write_text(tmp_path / "broken.bvh", text, "\r\n"))
 
 
 def test_memory_is_not_taken_for_joints_without_channels(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from motiongen import kinematics
 from motiongen import rotations as rot
+from motiongen.io.bvh.header import shown
 from motiongen.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -16,8 +17,9 @@ Array = NDArray[np.float64]
 POSES = 64
 """How many frames are looked at."""
 
-UNCLEAR = 0.05
-"""Evidence for one axis over the other below which neither is believed. Upright poses come to about 1."""
+UNCLEAR, UNCLEAR_WITH_FEET = 0.05, 0.6
+"""Evidence for one axis over the other below which neither is believed. Upright bodies with feet come to 0.8 and more;
+one that lies along an axis comes to 0.5 for that, so more is asked where there are feet to go by."""
 
 ELSEWHERE = 1e-3
 """How far from its OFFSET, in skeleton heights, a joint may be held by its position channels before that is noted."""
@@ -65,7 +67,7 @@ def up_axis(poses: Array, names: list[str]) -> tuple[str, list[str]]:
     size = max(float(np.median(np.ptp(poses, axis=1).max(axis=-1))), 1e-12)
     evidence -= np.minimum((np.abs(np.median(lowest, axis=0)) + lowest.std(axis=0)) / size, 1.0)
     lead = float(evidence[1] - evidence[2])
-    if abs(lead) < UNCLEAR:
+    if abs(lead) < (UNCLEAR_WITH_FEET if feet else UNCLEAR):
         return "y", ["the poses do not tell which axis is up; y is assumed"]
     return ("y", []) if lead > 0 else ("z", ["the poses tell that z is up; they are turned so that y is"])
 
@@ -95,6 +97,12 @@ def odd_times(turning: Array, frame_rate: float) -> list[str]:
     return notes
 
 
+def still_root(skeleton: Skeleton, carrier: int) -> str:
+    """A note on a joint 0 that stands still above the one that carries the character."""
+    root, below = shown(skeleton.names[0]), shown(skeleton.names[carrier])
+    return f"'{root}' stands still; '{below}' below it carries the character"
+
+
 def odd_places(skeleton: Skeleton, offsets: Array, wandering: list[int]) -> list[str]:
     """Notes on joints that are elsewhere than their OFFSET says, or move in their parent's frame.
 
@@ -107,14 +115,15 @@ def odd_places(skeleton: Skeleton, offsets: Array, wandering: list[int]) -> list
     apart = np.linalg.norm(skeleton.offsets - offsets, axis=-1) / skeleton.height  # (J,)
     apart[0] = 0.0
     if elsewhere := int((apart > ELSEWHERE).sum()):
+        worst = int(apart.argmax())
         notes.append(
-            f"position channels put {elsewhere} joints elsewhere than their OFFSET, by up to {apart.max():.1%} of the "
-            f"height ('{skeleton.names[int(apart.argmax())]}'); the channels are taken"
+            f"position channels hold joints elsewhere than their OFFSET: {elsewhere} of them, "
+            f"by up to {apart[worst]:.1%} of the height ('{shown(skeleton.names[worst])}'); the channels are taken"
         )
     if wandering:
-        named = ", ".join(f"'{skeleton.names[j]}'" for j in wandering[:4])
+        named = ", ".join(f"'{shown(skeleton.names[j])}'" for j in wandering[:4])
         more = f" and {len(wandering) - 4} more" if len(wandering) > 4 else ""
-        notes.append(f"{named}{more} below the root move in their parents' frames")
+        notes.append(f"besides the root, joints move in their parents' frames: {named}{more}")
     if pointless := int((np.linalg.norm(skeleton.end_site_offsets, axis=-1) == 0).sum()):
         notes.append(f"{pointless} of {len(skeleton.end_sites)} end sites have no length")
     return notes

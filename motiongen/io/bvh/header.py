@@ -225,10 +225,12 @@ class _Parser:
         self.header.end_sites.append(node)
 
     def offset(self) -> None:
-        came = shown(self.rest.strip())
+        came = self.rest
         values = [value for value in map(number, self.words_while(NUMBER.fullmatch)) if value is not None]
         if len(values) != 3:
-            raise self.error(f"OFFSET is followed by '{came}'; give three finite numbers, for x, y and z")
+            raise self.error(
+                f"OFFSET is followed by '{shown(came.strip())}'; give three finite numbers, for x, y and z"
+            )
         node = self.node("OFFSET")
         if node.offset is not None:
             raise self.error(f"{_called(node)} has a second OFFSET; remove one of them")
@@ -236,7 +238,7 @@ class _Parser:
 
     def channels(self) -> None:
         node = self.node("CHANNELS")
-        came = shown(self.rest.strip())
+        came = self.rest
         count = self.words_while(str.isdecimal)
         words = self.words_while(lambda word: word not in ("{", "}") and word.lower() not in KEYWORDS)
         if node.tip or node.channels is not None:
@@ -248,7 +250,9 @@ class _Parser:
         if twice := [channel for channel in listed if listed.count(channel) > 1]:
             raise self.error(f"{_called(node)} has channel {twice[0]} twice; remove one of them")
         if count != [str(len(listed))]:
-            raise self.error(f"CHANNELS is followed by '{came}'; give the number of names that follow, 0 to 6")
+            raise self.error(
+                f"CHANNELS is followed by '{shown(came.strip())}'; give the number of names that follow, 0 to 6"
+            )
         node.channels, node.first_column = listed, self.header.columns
         self.header.columns += len(listed)
 

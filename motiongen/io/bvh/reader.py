@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,7 +57,7 @@ class Frames:
 def read_bvh(path: Path, up: str | None = None, unit: str | None = None) -> Motion:
     """Read a BVH file (see `motiongen.io.load`)."""
     with open_to_read(path) as file:
-        size = path.stat().st_size
+        size = os.fstat(file.fileno()).st_size
         source = Source(file, path)
         header = read_header(source)
         check_claim(source, header, size)
@@ -178,7 +179,7 @@ def _fold(header: Header, frames: Frames) -> tuple[Skeleton, Array, tuple[int, .
     notes: list[str] = []
     if carrier is not None:
         moves[0] = False
-        notes.append(f"'{skeleton.names[0]}' stands still; '{skeleton.names[carrier]}' below it carries the character")
+        notes.append(guess.still_root(skeleton, carrier))
     skeleton = _skeleton(header, placed[~moves], middle[~moves])
     translating = tuple(int(j) for j in placed[moves])
     notes += guess.odd_places(skeleton, _offsets(header), [j for j in translating if j not in (0, carrier)])

@@ -128,6 +128,8 @@ def _channels(turned: Turned, layout: BvhLayout | None, decimals: int) -> list[t
         missing = [POSITION_CHANNELS[axis] for axis in np.flatnonzero(moves[j])]
         behind = max((i + 1 for i, channel in enumerate(listed) if channel in POSITION_CHANNELS), default=0)
         channels.append((*listed[:behind], *(c for c in missing if c not in listed), *listed[behind:]))
+    if not any(channels):  # there is no motion in a file without any
+        channels[0] = DEFAULT_ROOT
     for (axes, count), joints in _groups(channels).items():
         if count == 3:
             continue
@@ -238,7 +240,8 @@ def _lines(turned: Turned, order: list[int], channels: list[tuple[str, ...]], de
     places = [c for c, (_, channel) in enumerate(listed) if channel in POSITION_CHANNELS]
     rest = np.zeros(len(listed))
     rest[places] = [turned.offsets[listed[c][0], POSITION_CHANNELS.index(listed[c][1])] for c in places]
-    line = " ".join(f"%.{decimals if c in set(places) else ANGLE_DECIMALS}f" for c in range(len(listed))) + "\n"
+    digits = [decimals if channel in POSITION_CHANNELS else ANGLE_DECIMALS for _, channel in listed]
+    line = " ".join(f"%.{count}f" for count in digits) + "\n"
     groups = _groups(channels)
     latest: dict[object, Array | None] = dict.fromkeys(groups)
     for frames in turned.blocks(len(listed)):
