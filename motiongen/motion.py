@@ -173,8 +173,10 @@ class Motion:
         """
         if not self.translating:
             return 0
-        sizes = {joint: len(self.skeleton.subtree(joint)) for joint in self.translating}
-        largest = max(sizes, key=lambda joint: (sizes[joint], -joint))
+        sizes = [1] * len(self.skeleton)
+        for joint in reversed(range(1, len(self.skeleton))):
+            sizes[self.skeleton.parents[joint]] += sizes[joint]
+        largest = max(self.translating, key=lambda joint: (sizes[joint], -joint))
         return largest if 2 * sizes[largest] >= len(self.skeleton) else 0
 
     @property
@@ -266,7 +268,7 @@ class Motion:
             offsets=self.skeleton.offsets * factor,
             end_site_offsets=self.skeleton.end_site_offsets * factor,
         )
-        return self.replace(skeleton=skeleton, translations=self.translations * factor, unit=unit, file_layout=None)
+        return self.replace(skeleton=skeleton, translations=self.translations * factor, unit=unit)
 
     def convert_unit(self, unit: str) -> Motion:
         """The same motion with its lengths in another unit.
@@ -282,7 +284,7 @@ class Motion:
 
     def change_up(self, up: str) -> Motion:
         """The same motion, to be written with another up axis. Inside nothing changes: y stays up."""
-        return self.replace(up=up, file_layout=None if up != self.up else self.file_layout)
+        return self.replace(up=up)
 
     def turn_up(self, up: str) -> Motion:
         """A motion whose arrays have `up` up, turned so that y is; `up` is remembered for writing."""

@@ -21,7 +21,9 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
     Raises:
         MotionGenError: if the shape differs or an entry is not finite; `what` names the array in the message.
     """
-    array = np.array(values, dtype=np.float64)
+    # What is frozen already, and owns its numbers, cannot change under us and need not be copied.
+    frozen = isinstance(values, np.ndarray) and not values.flags.writeable and values.base is None
+    array = np.asarray(values, dtype=np.float64) if frozen else np.array(values, dtype=np.float64)
     if array.size == 0 and len(shape) > 1 and shape[0] in (-1, 0):
         array = array.reshape((0, *shape[1:]))
     if array.ndim != len(shape) or any(want not in (-1, got) for want, got in zip(shape, array.shape)):
@@ -177,7 +179,10 @@ class Skeleton:
         depth = [0] * len(self)
         for joint, parent in enumerate(self.parents[1:], start=1):
             depth[joint] = depth[parent] + 1
-        return tuple(tuple(j for j, d in enumerate(depth) if d == level) for level in range(max(depth) + 1))
+        grouped: list[list[int]] = [[] for _ in range(max(depth) + 1)]
+        for joint, level in enumerate(depth):
+            grouped[level].append(joint)
+        return tuple(tuple(level) for level in grouped)
 
     def subtree(self, joint: int) -> tuple[int, ...]:
         """`joint` and everything below it, parents before children."""

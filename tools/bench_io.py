@@ -1,8 +1,8 @@
 """How long reading and writing takes, beside the package pybvh on the same file: `python -m tools.bench_io [CLIP]`.
 
-Times are the fastest of several runs, in milliseconds, with the two packages taking turns so that a busy machine slows
-both. A motion here holds quaternions and has been checked, folded and judged when it is read; pybvh keeps the file's
-Euler angles, so its way to quaternions and back is timed as well.
+Times are processor time, which other programs on the machine hardly disturb, in milliseconds: the fastest of several
+runs, with the two packages taking turns. A motion here holds quaternions and has been checked, folded and judged when
+it is read; pybvh keeps the file's Euler angles, so its way to quaternions and back is timed as well.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ def operations(clip: Path, folder: Path) -> dict[str, tuple[Operation, Operation
 
 
 def fastest_ms(work: list[Operation], runs: int) -> list[float]:
-    """The fastest of `runs` runs of each, in milliseconds, run in turns after one run that does not count."""
+    """The least processor time of `runs` runs of each, in milliseconds, in turns after one run that does not count."""
     for operation in work:
         operation()
     best = [float("inf")] * len(work)
     for _ in range(runs):
         for i, operation in enumerate(work):
-            start = time.perf_counter()
+            start = time.process_time()
             operation()
-            best[i] = min(best[i], 1e3 * (time.perf_counter() - start))
+            best[i] = min(best[i], 1e3 * (time.process_time() - start))
     return best
 
 
