@@ -28,6 +28,7 @@ FLOORS = {
     "motiongen.contact": 0,
     "motiongen.easing": 0,
     "motiongen.adapt": 0,
+    "motiongen.stance": 1,
     # what is made of them
     "motiongen.assets": 1,
     "motiongen.io": 1,

@@ -98,12 +98,23 @@ class FixedJoints(Constraint):
 
 @dataclass(frozen=True, eq=False)
 class RootPath(Constraint):
-    """The root follows a path over the ground.
+    """The character travels along a path over the ground, as the examples travel.
+
+    The path is a smooth curve through the points that begins and ends straight; a point given twice in a row is a
+    corner, and a path that ends at its first point is closed. The line that the body sways about lies on it, corners
+    rounded; the body keeps its angle to the direction of travel, or faces where it is told to, which makes feet slide
+    where the examples never go that way.
+
+    Strides stay as long as the examples'. To arrive with the last frame the motion is played at 0.8 to 1.25 times
+    their pace. If that is not enough it keeps their pace: on a path too long it gets as far as it gets, on one too
+    short it goes straight on beyond the end, and round a closed one it goes on. The notes of the motion say what
+    happened, how many frames would do, and how far the character was from the path. It goes together with `Parts` and,
+    on a closed path, with `Loop`.
 
     Attributes:
         points: (P, 2) places on the ground (x, z), in the unit of the examples, at least two.
         facing_radians: (P,) heading at each point, counter-clockwise from +z seen from above; None: as the examples
-            move.
+            move. Between points it turns the shorter way; of a point given twice the first heading counts.
     """
 
     points: NDArray[np.float64]
@@ -114,10 +125,17 @@ class RootPath(Constraint):
         points = frozen_array(self.points, (-1, 2), "points of the root path")
         if len(points) < 2:
             raise MotionGenError(f"a root path needs at least two points, not {len(points)}")
+        if (points == points[0]).all():
+            raise MotionGenError(f"a root path needs two different points; all {len(points)} are {points[0].tolist()}")
         object.__setattr__(self, "points", points)
         if self.facing_radians is not None:
             facing = frozen_array(self.facing_radians, (len(points),), "facing_radians of the root path")
             object.__setattr__(self, "facing_radians", facing)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the path ends where it begins and goes round."""
+        return bool((self.points[0] == self.points[-1]).all())
 
 
 @dataclass(frozen=True, eq=False)

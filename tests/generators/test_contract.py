@@ -26,7 +26,9 @@ def name(request: pytest.FixtureRequest) -> str:
 def clip() -> Motion:
     rng = np.random.default_rng(11)
     skeleton = random_skeleton(rng, 6)
-    return random_motion(rng, skeleton, frames=100, translating=(0,), smooth=True, unit="cm", up="z", name="clip")
+    clip = random_motion(rng, skeleton, frames=100, translating=(0,), smooth=True, unit="cm", up="z", name="clip")
+    travel = np.linspace(0.0, 4.0, len(clip))[:, None] * [0.0, 0.0, skeleton.height]  # so that it can follow a path
+    return clip.replace(translations=clip.translations + travel[:, None])
 
 
 @pytest.fixture

@@ -6,6 +6,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+VOTES_AT_ONCE = 2**20
+"""How many votes of patches on frames are gathered together: some 12 MB, whatever the length."""
+
 
 def blend(
     nearest: Tensor,
@@ -16,6 +19,9 @@ def blend(
     circular: bool = False,
 ) -> Tensor:
     """Average voting of overlapping patches.
+
+    At a finer rate than that of matching a patch comes in over the frames of its first step, and goes out over those of
+    its last: with full votes at once, all patches would come and go at the coarse rate and shake the result with it.
 
     Args:
         nearest: (B, n) start of the example patch that stands at each place of the synthesis, in steps of `stride`.
@@ -31,27 +37,49 @@ def blend(
         (B, frames, D).
     """
     batch, count = nearest.shape
-    reach = (patch_size - 1) * stride + 1  # frames that a patch spans
+    before = patch_size - 1  # patches that began earlier and still cover a step
+    steps = count if circular else count + before
     if frames is None:
-        frames = count * stride if circular else (count - 1) * stride + reach
-    time = torch.arange(frames, device=nearest.device)
-    # Patch i spans frames [i * stride, i * stride + reach): frame t lies in patches `last` and up to p - 1 before it.
-    last = torch.div(time, stride, rounding_mode="floor")
-    covering = last[:, None] - torch.arange(patch_size, device=nearest.device)  # (frames, p)
-    into = time[:, None] - covering * stride  # how far into the patch the frame lies
-    inside = into < reach
-    if not circular:
-        inside &= (covering >= 0) & (covering < count)
-    covering = covering % count if circular else covering.clamp(0, count - 1)
-    sources = nearest[:, covering] * stride + torch.where(inside, into, 0)  # (B, frames, p)
-    weights = (inside / inside.sum(dim=-1, keepdim=True)).to(examples.dtype).expand(batch, -1, -1)
-    mixed = functional.embedding_bag(
-        sources.reshape(-1, patch_size),
-        examples,
-        mode="sum",
-        per_sample_weights=weights.reshape(-1, patch_size),
-    )
-    return mixed.view(batch, frames, -1)
+        frames = count * stride if circular else (steps - 1) * stride + 1
+    patches = torch.arange(-before, steps, device=nearest.device)
+    held = patches % count if circular else patches.clamp(0, count - 1)
+    ahead = (nearest[:, held] - patches) * stride  # (B, p - 1 + steps), from a frame to its source in the examples
+    ramps = vote_ramps(patch_size, stride).to(examples)
+    votes = (patches == held).to(examples.dtype) if not circular else examples.new_ones(len(patches))
+
+    def mixed(begin: int, end: int) -> Tensor:
+        """(B, frames, D) of steps `begin` to `end`."""
+        time = torch.arange(begin * stride, end * stride, device=nearest.device).view(-1, stride, 1)
+        covering = slice(begin, end + before)
+        sources = ahead[:, covering].unfold(1, patch_size, 1)[:, :, None] + time  # (B, steps, stride, p)
+        weights = votes[covering].unfold(0, patch_size, 1)[:, None] * ramps  # (steps, stride, p)
+        weights = (weights / weights.sum(dim=-1, keepdim=True)).expand(batch, -1, -1, -1)
+        flat = sources.reshape(-1, patch_size), weights.reshape(-1, patch_size)
+        rows = functional.embedding_bag(flat[0], examples, mode="sum", per_sample_weights=flat[1])
+        return rows.view(batch, -1, examples.shape[-1])
+
+    some = max(1, VOTES_AT_ONCE // (batch * stride * patch_size))
+    if steps <= some:
+        return mixed(0, steps)[:, :frames]
+    blended = examples.new_empty(batch, steps * stride, examples.shape[-1])
+    for begin in range(0, steps, some):
+        end = min(begin + some, steps)
+        blended[:, begin * stride : end * stride] = mixed(begin, end)
+    return blended[:, :frames]
+
+
+def vote_ramps(patch_size: int, stride: int) -> Tensor:
+    """(stride, p) votes of the patches over a step, for each of its frames: the oldest patch first, the newest last.
+
+    At the rate of matching (`stride` 1) every patch has one vote.
+    """
+    frame = torch.arange(stride, dtype=torch.float64)
+    ramps = torch.ones(stride, patch_size, dtype=torch.float64)
+    ramps[:, -1] = (frame + 1) / stride
+    if patch_size > 1:
+        ramps[:, 1] *= ((stride - frame + 1) / stride).clamp_max(1)
+        ramps[:, 0] = torch.where(frame == 0, 1 / stride, 0.0)  # a patch ends with the first frame of its last step
+    return ramps
 
 
 def assemble(blended: list[Tensor], columns: list[Tensor | None], size: int) -> Tensor:

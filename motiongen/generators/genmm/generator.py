@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +14,7 @@ from motiongen import rotations as rot
 from motiongen.easing import hold_poses, limit_turns
 from motiongen.errors import MotionGenError
 from motiongen.features import FeatureLayout, from_features, layout_of, rotation_features, to_features
-from motiongen.generators.base import Capabilities, Generator, Progress, sample_seed
+from motiongen.generators.base import Capabilities, Generator, Progress, sample_seed, seed_number
 from motiongen.generators.constraints import (
     Constraint,
     Continuation,
@@ -23,6 +23,7 @@ from motiongen.generators.constraints import (
     Keyframes,
     Loop,
     Parts,
+    RootPath,
     Segment,
     Style,
 )
@@ -30,10 +31,12 @@ from motiongen.generators.genmm.basis import principal_axes
 from motiongen.generators.genmm.blending import assemble, blend
 from motiongen.generators.genmm.guidance import Guidance
 from motiongen.generators.genmm.keys import easing_window, far_keys
+from motiongen.generators.genmm.locomotion import root_path_of, sample_along, straight_examples
 from motiongen.generators.genmm.options import GenMMOptions
 from motiongen.generators.genmm.parts import skeletal_parts
 from motiongen.generators.genmm.plan import CONTEXT_PATCHES, Plan, guidance_of, make_plan
 from motiongen.generators.genmm.pyramid import PartSource, Pyramid, build_pyramid, resize
+from motiongen.generators.genmm.stream import chunk_length, chunks
 from motiongen.generators.genmm.synthesis import synthesise
 from motiongen.motion import Motion
 
@@ -52,7 +55,7 @@ class GenMM(Generator):
     """
 
     capabilities: ClassVar[Capabilities] = Capabilities(
-        constraints=(Keyframes, Loop, FixedJoints, Segment, Continuation, InBetween, Style, Parts)
+        constraints=(Keyframes, Loop, FixedJoints, Segment, Continuation, InBetween, Style, Parts, RootPath)
     )
     options: GenMMOptions
 
@@ -68,6 +71,7 @@ class GenMM(Generator):
         self._like: Motion
         self._stride: int
         self._pyramids: dict[object, Pyramid]
+        self._straight: GenMM | None
 
     @property
     def frame_rate(self) -> float:
@@ -96,6 +100,7 @@ class GenMM(Generator):
         weights = self._weights()
         self._examples_weighted = [torch.from_numpy(f[:: self._stride] * weights).to(self.device) for f in native]
         self._pyramids = {}
+        self._straight = None
 
     def _at_native_rate(self, motion: Motion) -> Motion:
         same = math.isclose(motion.frame_rate, self._like.frame_rate, rel_tol=1e-6)
@@ -128,9 +133,31 @@ class GenMM(Generator):
 
     # -- synthesis
 
+    def stream(
+        self, chunk_frames: int | None = None, seed: int | torch.Generator = 0, constraints: Sequence[Parts] = ()
+    ) -> Iterator[Motion]:
+        """An endless motion, chunk by chunk; see `genmm.stream.chunks`.
+
+        Args:
+            chunk_frames: length of each chunk, ten seconds by default. Shorter ones come sooner, and long moves of
+                the examples less often.
+            seed: as of `sample`.
+            constraints: `Parts`, or nothing.
+
+        Raises:
+            MotionGenError: if an argument is not allowed, or `output_rate` is set.
+        """
+        frames = chunk_length(self, chunk_frames, constraints)
+        return chunks(self, frames, seed_number(seed), self._context(frames), constraints)
+
     def _sample(
         self, frames: int, count: int, seed: int, constraints: tuple[Constraint, ...], progress: Progress
     ) -> list[Motion]:
+        if (path := root_path_of(constraints)) is not None:
+            if self._straight is None:
+                self._straight = GenMM(self.options)
+                self._straight.fit(straight_examples(self._native_examples))
+            return sample_along(path, self._straight, frames, count, seed, constraints, progress)
         plan = self._plan(frames, constraints)
         guidance = guidance_of(
             plan, self._layout, self._weights(), self._stride, self._examples_weighted, self.options.patch_size // 2
@@ -162,8 +189,18 @@ class GenMM(Generator):
         if in_frames and not math.isclose(ratio, 1.0, rel_tol=1e-6):
             raise MotionGenError("constraints need the examples' own frame rate; leave output_rate out")
         native_frames = math.ceil((frames - 1) * ratio - 1e-6) + 1
-        context = CONTEXT_PATCHES * self.options.patch_size * self._stride
-        return make_plan(native_frames, constraints, self._layout, native_rate, context)
+        return make_plan(native_frames, constraints, self._layout, native_rate, self._context(native_frames))
+
+    def _context(self, frames: int) -> int:
+        """How many frames of a neighbouring clip are held beside a synthesis of `frames` frames.
+
+        As many as a patch of the coarsest stage spans. With fewer, that stage hardly sees what it goes on from, and
+        the finer ones have to make up for a body that was to face elsewhere. No more than there are new ones.
+        """
+        size = self.options.patch_size
+        lengths = [len(example) for example in self._examples_weighted]
+        patch = sum(lengths) / len(lengths) / self.options.coarse_patches
+        return self._stride * math.ceil(max(CONTEXT_PATCHES * size, min(patch, frames / self._stride)))
 
     def _features(
         self, plan: Plan, pyramid: Pyramid, guidance: Guidance, seed: int, advance: Callable[[], None]

@@ -58,4 +58,16 @@ class GenMMOptions(Options):
         30.0, "Rate in Hz at which patches are matched; the nearest whole fraction of the clip's own rate.", above=0.0
     )
     output_rate: float | None = option(None, "Frame rate in Hz of the result; null keeps the examples'.", above=0.0)
+    search: str = option(
+        "auto",
+        "exact compares all patches of the examples with every place; approximate only those near the ones that the "
+        "stage before chose, once a stage has over a million pairs of frames; auto does so from 134 million on.",
+        choices=("auto", "exact", "approximate"),
+    )
+    memory_mb: int = option(
+        1024,
+        "Memory in MiB that matching may take beside the clips and the result: the less, the slower, and no other "
+        "difference.",
+        minimum=4,
+    )
     device: str = option("cpu", "Where to compute: cpu, or a torch device such as cuda.")

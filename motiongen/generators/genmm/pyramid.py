@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,12 +23,14 @@ class PartExamples:
         columns: (C,) the features that belong to the part; None: all of them.
         frames: (T, C) those features of all examples.
         starts: (T,) True where a patch may start: not so near the end of an example that it would run into the next.
+        times: (T,) when each frame stands in the examples at full length, in frames, end to end.
         augmented: (C + 2, T) what `matching` multiplies with: see `matching.augment_examples`.
     """
 
     columns: Tensor | None
     frames: Tensor
     starts: Tensor
+    times: Tensor
     augmented: Tensor
 
 
@@ -101,16 +104,23 @@ def build_pyramid(
     def resized(frames: Tensor, scale: float) -> Tensor:
         return resize(frames, stage_length(len(frames), scale, patch_size))
 
-    def part(source: PartSource, scale: float) -> PartExamples:
+    def matched(source: PartSource) -> list[Tensor]:
+        """What is matched of each example, at full length."""
         chosen = [example if source.columns is None else example[:, source.columns] for example in source.examples]
-        if basis is not None:
-            chosen = [basis.coordinates(example) for example in chosen]
-        small = [resized(example.to(dtype), scale) for example in chosen]
-        frames = torch.cat(small)
-        starts = patch_starts([len(example) for example in small], patch_size).to(frames.device)
-        return PartExamples(source.columns, frames, starts, augment_examples(frames))
+        return [(example if basis is None else basis.coordinates(example)).to(dtype) for example in chosen]
 
-    stages = tuple(Stage(scale, tuple(part(source, scale) for source in sources)) for scale in scales)
+    def part(source: PartSource, full: list[Tensor], scale: float) -> PartExamples:
+        small = [resized(example, scale) for example in full]
+        frames = torch.cat(small)
+        lengths = [len(example) for example in small]
+        starts = patch_starts(lengths, patch_size).to(frames.device)
+        times = frame_times(lengths, [len(example) for example in full]).to(frames.device)
+        return PartExamples(source.columns, frames, starts, times, augment_examples(frames))
+
+    full = [matched(source) for source in sources]
+    stages = tuple(
+        Stage(scale, tuple(part(source, whole, scale) for source, whole in zip(sources, full))) for scale in scales
+    )
     size = examples[0].shape[1]
     features = tuple(size if source.columns is None else len(source.columns) for source in sources)
     mean, deviation = examples[0].new_zeros(size), examples[0].new_zeros(size)
@@ -169,3 +179,14 @@ def resize(frames: Tensor, length: int, circular: bool = False) -> Tensor:
 def patch_starts(lengths: Sequence[int], patch_size: int) -> Tensor:
     """(T,) True for each frame of examples of `lengths`, end to end, at which a whole patch starts."""
     return torch.cat([torch.arange(length) <= length - patch_size for length in lengths])
+
+
+def frame_times(lengths: Sequence[int], full: Sequence[int]) -> Tensor:
+    """(T,) when frames of examples resized to `lengths` stand in examples of `full` lengths, both end to end."""
+    begins = itertools.accumulate(full, initial=0)
+    return torch.cat(
+        [
+            torch.linspace(begin, begin + frames - 1, length, dtype=torch.float64)
+            for begin, frames, length in zip(begins, full, lengths)
+        ]
+    )

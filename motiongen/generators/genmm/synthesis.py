@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import torch
@@ -11,7 +12,10 @@ from motiongen.generators.genmm.blending import assemble, blend
 from motiongen.generators.genmm.guidance import FREE, Guidance
 from motiongen.generators.genmm.matching import nearest_patches, normaliser_floor
 from motiongen.generators.genmm.options import GenMMOptions
-from motiongen.generators.genmm.pyramid import Pyramid, Stage, resize, stage_length
+from motiongen.generators.genmm.pyramid import PartExamples, Pyramid, Stage, resize, stage_length
+
+EXACT_PAIRS = {"exact": math.inf, "auto": 2**27, "approximate": 2**20}
+"""Pairs of frames up to which all are compared: for `auto` about 11,600 by 11,600 frames."""
 
 
 def synthesise(
@@ -42,28 +46,49 @@ def synthesise(
     length = stage_length(frames, pyramid.stages[begin].scale, size)
     guess = first_guess(pyramid, length, seeds, options.noise, guidance)
     nearest: list[Tensor] = []
+    before: Stage | None = None
     for stage in pyramid.stages[begin:]:
         guess = resize(guess, stage_length(frames, stage.scale, size), circular)
         guess = guidance.apply(guess, frames)
+        if before is not None:
+            places = guess.shape[1] if circular else guess.shape[1] - size + 1
+            nearest = [carried(n, old, new, places) for n, old, new in zip(nearest, before.parts, stage.parts)]
         for _ in range(options.iterations):
-            nearest = match(guess, stage, size, floors, circular)
+            nearest = match(guess, stage, options, floors, circular, nearest)
             guess = guidance.apply(put_together(nearest, stage, size, guess.shape[-1], circular), frames)
+        before = stage
         advance()
     return nearest
 
 
 def match(
-    guess: Tensor, stage: Stage, patch_size: int, floors: Sequence[float | None], circular: bool = False
+    guess: Tensor,
+    stage: Stage,
+    options: GenMMOptions,
+    floors: Sequence[float | None],
+    circular: bool = False,
+    likely: Sequence[Tensor] = (),
 ) -> list[Tensor]:
-    """For each part the start (B, n) of the best example patch at each place of the guess (B, F, D)."""
+    """For each part the start (B, n) of the best example patch at each place of the guess (B, F, D).
+
+    Where there are more pairs of patches than `options.search` lets be compared, only what is near `likely` is.
+    """
+    size, memory = options.patch_size, options.memory_mb * 2**20
     if circular:  # a patch near the end goes on at the beginning
-        guess = torch.cat([guess, guess[:, : patch_size - 1]], dim=1)
-    return [
-        nearest_patches(
-            guess if part.columns is None else guess[..., part.columns], part.augmented, part.starts, patch_size, floor
-        )
-        for part, floor in zip(stage.parts, floors)
-    ]
+        guess = torch.cat([guess, guess[:, : size - 1]], dim=1)
+    nearest = []
+    for number, (part, floor) in enumerate(zip(stage.parts, floors)):
+        own = guess if part.columns is None else guess[..., part.columns]
+        some = likely and guess.shape[1] * len(part.frames) > EXACT_PAIRS[options.search]
+        near = likely[number] if some else None
+        nearest.append(nearest_patches(own, part.augmented, part.starts, size, floor, memory, near))
+    return nearest
+
+
+def carried(nearest: Tensor, before: PartExamples, part: PartExamples, places: int) -> Tensor:
+    """(B, places) where the patches of a stage start if they are those of the stage before it, nearest (B, n)."""
+    earlier = torch.arange(places, device=nearest.device) * nearest.shape[1] // places
+    return torch.searchsorted(part.times, before.times[nearest[:, earlier]])
 
 
 def put_together(nearest: Sequence[Tensor], stage: Stage, patch_size: int, size: int, circular: bool) -> Tensor:

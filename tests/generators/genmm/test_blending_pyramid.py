@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
+from unittest import mock
 
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from motiongen.generators.genmm import blending
 from motiongen.generators.genmm.basis import principal_axes
 from motiongen.generators.genmm.blending import blend
 from motiongen.generators.genmm.options import GenMMOptions
@@ -26,21 +28,30 @@ from tests.generators.genmm.test_matching import features
 from tools import plain_genmm
 
 
-@given(st.integers(0, 99), st.integers(2, 9), st.integers(1, 12), st.integers(1, 4), st.integers(1, 3))
+@given(
+    st.integers(0, 99), st.integers(2, 9), st.integers(1, 12), st.integers(1, 4), st.integers(1, 3), st.booleans(),
+    st.sampled_from([1, 50, 2**20]),
+)  # fmt: skip
 def test_every_frame_is_the_mean_of_the_patches_over_it(
-    seed: int, size: int, count: int, stride: int, batch: int
+    seed: int, size: int, count: int, stride: int, batch: int, circular: bool, votes_at_once: int
 ) -> None:
+    """Whether all is blended at once or a few steps at a time."""
+    count = max(count, size) if circular else count
     examples = features(seed, (size + 20) * stride, 3)
     nearest = torch.randint(0, 20, (batch, count), generator=torch.Generator().manual_seed(seed))
-    blended = blend(nearest, examples, size, stride)
+    with mock.patch.object(blending, "VOTES_AT_ONCE", votes_at_once):
+        blended = blend(nearest, examples, size, stride, circular=circular)
     reach = (size - 1) * stride + 1
-    assert blended.shape == (batch, (count - 1) * stride + reach, 3)
+    frames = count * stride if circular else (count - 1) * stride + reach
+    assert blended.shape == (batch, frames, 3)
     for b in range(batch):
-        votes: list[list[torch.Tensor]] = [[] for _ in range(blended.shape[1])]
+        total, votes = torch.zeros(frames, 3, dtype=torch.float64), torch.zeros(frames, 1, dtype=torch.float64)
         for i, start in enumerate(nearest[b].tolist()):
             for k in range(reach):
-                votes[i * stride + k].append(examples[start * stride + k])
-        literal = torch.stack([torch.stack(v).mean(0) for v in votes])
+                vote = min(1.0, (k + 1) / stride) * min(1.0, (reach - k) / stride)  # in over a step, and out
+                total[(i * stride + k) % frames] += vote * examples[start * stride + k]
+                votes[(i * stride + k) % frames] += vote
+        literal = total / votes
         torch.testing.assert_close(blended[b], literal)
 
 

@@ -1,0 +1,1 @@
+"""Foot clean-up by inverse kinematics."""
