@@ -7,7 +7,63 @@ from torch import Tensor
 from torch.nn import functional
 
 VOTES_AT_ONCE = 2**20
-"""How many votes of patches on frames are gathered together: some 12 MB, whatever the length."""
+"""How many votes of patches on frames are gathered together: some 8 MB, whatever the length."""
+
+
+class Coverage:
+    """Which patches cover which frames, and how much each counts there: a matter of sizes, the same for many blendings.
+
+    With `stride` 1 patch i spans frames i to i + p - 1. Seen from a frame, it is covered by the patch that begins there
+    and the p - 1 before it; at both ends there are fewer, and those that are missing count nothing.
+    """
+
+    def __init__(self, count: int, patch_size: int, like: Tensor, stride: int = 1, circular: bool = False) -> None:
+        """Work out what only depends on sizes.
+
+        Args:
+            count: n, places of the synthesis.
+            patch_size: p, in steps.
+            like: of the type, and on the device, of what will be blended.
+            stride: frames to a step.
+            circular: patches near the end run on into the beginning.
+        """
+        before = patch_size - 1
+        self.patch_size, self.stride = patch_size, stride
+        self.steps = count if circular else count + before
+        self.frames = self.steps * stride if circular else (self.steps - 1) * stride + 1
+        self.patches = torch.arange(-before, self.steps, device=like.device)  # some of them missing
+        self.held = self.patches % count if circular else self.patches.clamp(0, count - 1)  # by what they are filled
+        self.time = torch.arange(self.steps * stride, device=like.device).view(-1, stride, 1)
+        votes = torch.ones_like(self.patches) if circular else self.patches == self.held
+        ramps = vote_ramps(patch_size, stride).to(like)
+        weights = votes.to(like.dtype).unfold(0, patch_size, 1)[:, None] * ramps  # (steps, stride, p)
+        self.weights = (weights / weights.sum(dim=-1, keepdim=True)).view(-1, patch_size)
+
+    def blend(self, nearest: Tensor, examples: Tensor) -> Tensor:
+        """(B, frames, D) of the starts (B, n) and the example frames (T, D), see `blend`."""
+        batch, stride = len(nearest), self.stride
+        ahead = nearest[:, self.held] - self.patches  # (B, p - 1 + steps) from a step to its source in the examples
+        if stride > 1:
+            ahead = ahead * stride
+        some = max(1, VOTES_AT_ONCE // (batch * stride * self.patch_size))
+        blended = [
+            self._mixed(ahead, examples, begin, min(begin + some, self.steps)) for begin in range(0, self.steps, some)
+        ]
+        whole = blended[0] if len(blended) == 1 else torch.cat(blended, dim=1)
+        return whole[:, : self.frames]
+
+    def _mixed(self, ahead: Tensor, examples: Tensor, begin: int, end: int) -> Tensor:
+        """(B, frames, D) of steps `begin` to `end`."""
+        covering = ahead[:, begin : end + self.patch_size - 1].unfold(1, self.patch_size, 1)  # (B, steps, p)
+        sources = covering[:, :, None] + self.time[begin:end]  # (B, steps, stride, p)
+        weights = self.weights[begin * self.stride : end * self.stride]
+        mixed = functional.embedding_bag(
+            sources.reshape(-1, self.patch_size),
+            examples,
+            mode="sum",
+            per_sample_weights=weights.repeat(len(ahead), 1) if len(ahead) > 1 else weights,
+        )
+        return mixed.view(len(ahead), -1, examples.shape[-1])
 
 
 def blend(
@@ -36,36 +92,7 @@ def blend(
     Returns:
         (B, frames, D).
     """
-    batch, count = nearest.shape
-    before = patch_size - 1  # patches that began earlier and still cover a step
-    steps = count if circular else count + before
-    if frames is None:
-        frames = count * stride if circular else (steps - 1) * stride + 1
-    patches = torch.arange(-before, steps, device=nearest.device)
-    held = patches % count if circular else patches.clamp(0, count - 1)
-    ahead = (nearest[:, held] - patches) * stride  # (B, p - 1 + steps), from a frame to its source in the examples
-    ramps = vote_ramps(patch_size, stride).to(examples)
-    votes = (patches == held).to(examples.dtype) if not circular else examples.new_ones(len(patches))
-
-    def mixed(begin: int, end: int) -> Tensor:
-        """(B, frames, D) of steps `begin` to `end`."""
-        time = torch.arange(begin * stride, end * stride, device=nearest.device).view(-1, stride, 1)
-        covering = slice(begin, end + before)
-        sources = ahead[:, covering].unfold(1, patch_size, 1)[:, :, None] + time  # (B, steps, stride, p)
-        weights = votes[covering].unfold(0, patch_size, 1)[:, None] * ramps  # (steps, stride, p)
-        weights = (weights / weights.sum(dim=-1, keepdim=True)).expand(batch, -1, -1, -1)
-        flat = sources.reshape(-1, patch_size), weights.reshape(-1, patch_size)
-        rows = functional.embedding_bag(flat[0], examples, mode="sum", per_sample_weights=flat[1])
-        return rows.view(batch, -1, examples.shape[-1])
-
-    some = max(1, VOTES_AT_ONCE // (batch * stride * patch_size))
-    if steps <= some:
-        return mixed(0, steps)[:, :frames]
-    blended = examples.new_empty(batch, steps * stride, examples.shape[-1])
-    for begin in range(0, steps, some):
-        end = min(begin + some, steps)
-        blended[:, begin * stride : end * stride] = mixed(begin, end)
-    return blended[:, :frames]
+    return Coverage(nearest.shape[1], patch_size, examples, stride, circular).blend(nearest, examples)[:, :frames]
 
 
 def vote_ramps(patch_size: int, stride: int) -> Tensor:

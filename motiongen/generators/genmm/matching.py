@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
 
 import torch
 from torch import Tensor
@@ -101,41 +100,63 @@ def nearest_patches(
     else:
         height = width = NEIGHBOURHOOD
         grid = neighbourhoods(likely[0], patches, patch_size)
-
-    def distances(places: slice, examples: slice) -> Tensor:
-        """(B, places, examples) patch distances of a tile (Eq. 1)."""
-        product = guess[:, _covered(places, patch_size)].flatten(0, 1) @ augmented[:, _covered(examples, patch_size)]
-        return diagonal_sums(product.unflatten(0, (batch, -1)), patch_size)
-
-    kept: dict[tuple[int, int], Tensor] = {}
-    weights = guess.new_ones(batch, 1, patches)
-    if floor is not None:
-        spare = memory - TILES_AT_ONCE * batch * (height + patch_size) * (width + patch_size) * size
-        least = guess.new_full(weights.shape, torch.inf)  # how well the guess shows each example patch
-        for places, examples in _tiles(grid):
-            tile = distances(places, examples)
-            torch.minimum(least[..., examples], tile.amin(dim=1, keepdim=True), out=least[..., examples])
-            if tile.nbytes <= spare:
-                kept[places.start, examples.start] = tile
-                spare -= tile.nbytes
-        weights = 1 / (floor + least).clamp_min(TINY)
-
+    at_once = TILES_AT_ONCE * batch * (height + patch_size) * (width + patch_size) * size
+    tiles = _Tiles(guess, augmented, patch_size, spare=memory - at_once)
+    weights = {} if floor is None else _weights(tiles, grid, floor)
     barred = torch.where(starts[:patches], 0.0, torch.inf).to(guess)  # added where no patch starts
-    chosen = []
+    return torch.cat([_nearest(tiles, places, spans, weights, barred) for places, spans in grid], dim=1)
+
+
+class _Tiles:
+    """Tiles of patch distances (Eq. 1), of which as many as there is room for are kept for a second use."""
+
+    def __init__(self, guess: Tensor, augmented: Tensor, patch_size: int, spare: int) -> None:
+        self.guess, self.augmented, self.patch_size, self.spare = guess, augmented, patch_size, spare
+        self.kept: dict[tuple[int, int], Tensor] = {}
+
+    def first(self, places: slice, examples: slice) -> Tensor:
+        """(B, places, examples) distances that will be needed once more."""
+        tile = self._computed(places, examples)
+        if tile.nbytes <= self.spare:
+            self.kept[places.start, examples.start] = tile
+            self.spare -= tile.nbytes
+        return tile
+
+    def last(self, places: slice, examples: slice) -> Tensor:
+        """(B, places, examples) distances for the last time; they may be overwritten."""
+        here = places.start, examples.start
+        return self.kept.pop(here) if here in self.kept else self._computed(places, examples)
+
+    def _computed(self, places: slice, examples: slice) -> Tensor:
+        rows = self.guess[:, _covered(places, self.patch_size)]
+        product = rows.flatten(0, 1) @ self.augmented[:, _covered(examples, self.patch_size)]
+        return diagonal_sums(product.unflatten(0, (len(rows), -1)), self.patch_size)
+
+
+def _weights(tiles: _Tiles, grid: Grid, floor: float) -> dict[int, Tensor]:
+    """(B, 1, examples) what distances are multiplied with (Eq. 2), by the start of each span of example patches."""
+    least: dict[int, Tensor] = {}  # how well the guess shows each example patch
     for places, spans in grid:
-        best: tuple[Tensor, Tensor] | None = None  # (B, places) least normalised distance, and where
         for examples in spans:
-            here = places.start, examples.start
-            tile = kept.pop(here) if here in kept else distances(places, examples)
-            lowest, where = torch.addcmul(barred[examples], tile, weights[..., examples], out=tile).min(dim=-1)
-            where += examples.start
-            if best is not None:  # of equals the first wins, as within a tile
-                where = torch.where(lowest < best[0], where, best[1])
-                lowest = torch.minimum(lowest, best[0])
-            best = lowest, where
-        assert best is not None
-        chosen.append(best[1])
-    return torch.cat(chosen, dim=1)
+            lowest = tiles.first(places, examples).amin(dim=1, keepdim=True)
+            known = least.get(examples.start)
+            least[examples.start] = lowest if known is None else torch.minimum(known, lowest)
+    return {start: 1 / (lowest + floor).clamp_min(TINY) for start, lowest in least.items()}
+
+
+def _nearest(tiles: _Tiles, places: slice, spans: list[slice], weights: dict[int, Tensor], barred: Tensor) -> Tensor:
+    """(B, places) the best of all example patches in `spans`; without weights the nearest one."""
+    best: tuple[Tensor, Tensor] | None = None  # (B, places) least normalised distance, and where
+    for examples in spans:
+        tile, weight = tiles.last(places, examples), weights.get(examples.start, barred.new_ones(()))
+        lowest, where = torch.addcmul(barred[examples], tile, weight, out=tile).min(dim=-1)
+        where += examples.start
+        if best is not None:  # of equals the first wins, as within a tile
+            where = torch.where(lowest < best[0], where, best[1])
+            lowest = torch.minimum(lowest, best[0])
+        best = lowest, where
+    assert best is not None
+    return best[1]
 
 
 def tile_shape(batch: int, count: int, patches: int, patch_size: int, entries: int, cuda: bool) -> tuple[int, int]:
@@ -179,10 +200,6 @@ def neighbourhoods(likely: Tensor, patches: int, patch_size: int) -> Grid:
         place, example = (time + earlier).clamp(0, count - 1), (likely + shift).clamp(0, patches - 1)
         near[place // height, example // width] = True
     return [(places, list(itertools.compress(columns, row))) for places, row in zip(rows, near.tolist())]
-
-
-def _tiles(grid: Grid) -> Iterator[tuple[slice, slice]]:
-    return ((places, examples) for places, spans in grid for examples in spans)
 
 
 def _even(length: int, most: int) -> int:

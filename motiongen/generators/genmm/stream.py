@@ -24,7 +24,7 @@ CHUNK_SECONDS = 10.0
 BORDER_SECONDS = 1.0
 """How far into a chunk its border reaches: what the way out of the chunk before may have disturbed."""
 
-TRIES = 4
+TRIES = 6
 """How many chunks are made at most where the way into them is rough."""
 
 HOMING_SPEED = 0.03

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor
 
-from motiongen.generators.genmm.blending import assemble, blend
+from motiongen.generators.genmm.blending import Coverage, assemble
 from motiongen.generators.genmm.guidance import FREE, Guidance
 from motiongen.generators.genmm.matching import nearest_patches, normaliser_floor
 from motiongen.generators.genmm.options import GenMMOptions
@@ -50,12 +50,13 @@ def synthesise(
     for stage in pyramid.stages[begin:]:
         guess = resize(guess, stage_length(frames, stage.scale, size), circular)
         guess = guidance.apply(guess, frames)
+        places = guess.shape[1] if circular else guess.shape[1] - size + 1
+        coverage = Coverage(places, size, guess, circular=circular)
         if before is not None:
-            places = guess.shape[1] if circular else guess.shape[1] - size + 1
             nearest = [carried(n, old, new, places) for n, old, new in zip(nearest, before.parts, stage.parts)]
         for _ in range(options.iterations):
             nearest = match(guess, stage, options, floors, circular, nearest)
-            guess = guidance.apply(put_together(nearest, stage, size, guess.shape[-1], circular), frames)
+            guess = guidance.apply(put_together(nearest, stage, coverage, guess.shape[-1]), frames)
         before = stage
         advance()
     return nearest
@@ -91,9 +92,9 @@ def carried(nearest: Tensor, before: PartExamples, part: PartExamples, places: i
     return torch.searchsorted(part.times, before.times[nearest[:, earlier]])
 
 
-def put_together(nearest: Sequence[Tensor], stage: Stage, patch_size: int, size: int, circular: bool) -> Tensor:
+def put_together(nearest: Sequence[Tensor], stage: Stage, coverage: Coverage, size: int) -> Tensor:
     """The sequences (B, F, D) that the chosen patches of all parts make."""
-    blended = [blend(n, part.frames, patch_size, circular=circular) for n, part in zip(nearest, stage.parts)]
+    blended = [coverage.blend(n, part.frames) for n, part in zip(nearest, stage.parts)]
     return assemble(blended, [part.columns for part in stage.parts], size)
 
 

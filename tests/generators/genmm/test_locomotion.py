@@ -97,14 +97,14 @@ def test_who_stays_in_one_place_cannot_follow_a_path() -> None:
 
 @pytest.mark.parametrize("name", ["Walk-In-Circle", "xia-normal-walk"])
 def test_real_walks_follow_a_path_on_honest_feet(shared_data: Path, name: str) -> None:
-    """Against the same walks laid nowhere: along a path the feet slide little more."""
+    """On a curve the feet slide less than those of the same syntheses that no path bends and no clean-up touches."""
     clip = mg.load(shared_data / "characters" / f"{name}.bvh").resample(30)
     points, feet = CURVE * clip.skeleton.height, foot_joints(clip)
     generator = mg.create("genmm").fit([clip])
     motions = generator.sample(270, count=2, constraints=[mg.RootPath(points)])
     free = generator.sample(270, count=2)
     skate, without = (np.mean([foot_skate(motion, feet) for motion in made]) for made in (motions, free))
-    assert skate < 1.3 * without
+    assert skate < without
     assert max(off_path(motion, points) for motion in motions) < 0.1
 
 
