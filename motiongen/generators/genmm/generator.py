@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import ClassVar
 
 import numpy as np
@@ -32,6 +35,7 @@ from motiongen.generators.genmm.blending import assemble, blend
 from motiongen.generators.genmm.guidance import Guidance
 from motiongen.generators.genmm.keys import easing_window, far_keys
 from motiongen.generators.genmm.locomotion import root_path_of, sample_along, straight_examples
+from motiongen.generators.genmm.matching import distances_bytes
 from motiongen.generators.genmm.options import GenMMOptions
 from motiongen.generators.genmm.parts import skeletal_parts
 from motiongen.generators.genmm.plan import CONTEXT_PATCHES, Plan, guidance_of, make_plan
@@ -164,23 +168,32 @@ class GenMM(Generator):
         )
         # Holds are columns of features; without them and without parts, fewer coordinates do.
         pyramid = self._pyramid(plan.parts, reduced=plan.parts is None and not guidance.holds)
-        steps, total = 0, count * len(pyramid.stages)
+        total, done, lock = count * len(pyramid.stages), itertools.count(1), threading.Lock()
 
         def advance() -> None:
-            nonlocal steps
-            steps += 1
-            progress(steps / total)
+            with lock:  # in order, from whichever thread
+                progress(next(done) / total)
 
-        motions = []
-        for index in range(count):
-            # One at a time: on the CPU a batch is no faster, and a motion cannot depend on its neighbours' rounding.
+        def one(index: int) -> Motion:
+            # By itself, not in a batch: a motion cannot depend on its neighbours' rounding.
             features = self._features(plan, pyramid, guidance, sample_seed(seed, index), advance)
             motion = self._finished(features, plan).replace(name=f"sample_{index:04d}")
             if not math.isclose(motion.frame_rate, self.frame_rate, rel_tol=1e-6):
                 motion = motion.resample(self.frame_rate)[:frames]
-            motions.append(motion)
+            return motion
+
+        with ThreadPoolExecutor(self._at_once(plan, count)) as threads:
+            motions = list(threads.map(one, range(count)))
         progress(1.0)
         return motions
+
+    def _at_once(self, plan: Plan, count: int) -> int:
+        """How many syntheses run side by side: as many as there are processors, and as `memory_mb` holds."""
+        if self.device.type != "cpu":
+            return 1
+        examples = sum(len(example) for example in self._examples_weighted)
+        each = distances_bytes(math.ceil(plan.total / self._stride), examples)
+        return max(1, min(count, torch.get_num_threads(), self.options.memory_mb * 2**20 // each))
 
     def _plan(self, frames: int, constraints: tuple[Constraint, ...]) -> Plan:
         native_rate = self._like.frame_rate

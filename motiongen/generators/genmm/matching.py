@@ -22,7 +22,7 @@ TINY = 1e-12
 DEFAULT_MEMORY = 2**30
 """Bytes that a search may take where nothing is said."""
 
-CACHED_ENTRIES = 2**18
+CACHED_ENTRIES = 2**20
 """Entries of a tile on the CPU: small enough for the cache, large enough that calls cost nothing beside the work."""
 
 NEIGHBOURHOOD = 256
@@ -157,6 +157,11 @@ def _nearest(tiles: _Tiles, places: slice, spans: list[slice], weights: dict[int
         best = lowest, where
     assert best is not None
     return best[1]
+
+
+def distances_bytes(frames: int, examples: int) -> int:
+    """About what a search in single precision takes where memory is no matter: all distances, and tiles in use."""
+    return 4 * (frames * examples + TILES_AT_ONCE * min(frames * examples, CACHED_ENTRIES))
 
 
 def tile_shape(batch: int, count: int, patches: int, patch_size: int, entries: int, cuda: bool) -> tuple[int, int]:
