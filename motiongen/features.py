@@ -2,7 +2,9 @@
 
 One frame's features are what the GenMM paper calls M (section 3.1): local rotations R as 6D, root displacement V as
 steps over the ground plus the height above it, and, where asked for, foot-contact labels L. Joints below the root whose
-translation is animated add theirs. All lengths are in skeleton heights, so that nothing depends on the file's unit.
+translation is animated add theirs. Beside the labels stand the feet's own steps, which tell a foot that slides in the
+clip itself from one that a synthesis lets slide. All lengths are in skeleton heights, so that nothing depends on the
+file's unit.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ class FeatureLayout:
         skeleton: whose features these are.
         root: the joint whose steps and height are stored.
         translating: the other joints whose translation is stored.
-        feet: the foot joints whose contact labels are stored; none: no labels.
+        feet: the foot joints whose contact labels and steps are stored; none: no such features.
     """
 
     skeleton: Skeleton
@@ -68,20 +70,27 @@ class FeatureLayout:
         """One label a foot: 1 on the ground, 0 off it."""
         return slice(self.translations.stop, self.translations.stop + len(self.feet))
 
+    @cached_property
+    def foot_steps(self) -> slice:
+        """Each foot joint's step over the ground since the frame before, along world x and z, in heights."""
+        return slice(self.contacts.stop, self.contacts.stop + 2 * len(self.feet))
+
     @property
     def size(self) -> int:
         """The number of features D of a frame."""
-        return self.contacts.stop
+        return self.foot_steps.stop
 
     def joint_features(self, joints: Iterable[int]) -> NDArray[np.int64]:
-        """Indices of all features that belong to `joints`: rotations, translations, contacts, root motion."""
+        """Indices of all features that belong to `joints`: rotations, translations, contacts, steps."""
         joints = sorted(set(joints))
         chosen = [i for joint in joints for i in range(*rotation_features(joint).indices(self.size))]
         if self.root in joints:
             chosen += range(self.root_steps.start, self.root_height.stop)
         for k, joint in enumerate(self.translating):
             chosen += [self.translations.start + 3 * k + i for i in range(3)] if joint in joints else []
-        chosen += [self.contacts.start + k for k, joint in enumerate(self.feet) if joint in joints]
+        for k, joint in enumerate(self.feet):
+            first_step = self.foot_steps.start + 2 * k
+            chosen += [self.contacts.start + k, first_step, first_step + 1] if joint in joints else []
         return np.array(chosen, dtype=np.int64)
 
 
@@ -95,7 +104,7 @@ def layout_of(motions: Sequence[Motion], contacts: bool = False) -> FeatureLayou
 
     Args:
         motions: clips of one skeleton.
-        contacts: whether foot-contact labels are stored.
+        contacts: whether foot-contact labels and the feet's steps are stored.
 
     Raises:
         MotionGenError: if there is no motion, or skeletons differ; the message names the difference.
@@ -121,24 +130,30 @@ def to_features(motion: Motion, layout: FeatureLayout) -> Array:
     height = layout.skeleton.height
     features = np.empty((len(motion), layout.size))
     features[:, layout.rotations] = rot.to_6d(motion.rotations).reshape(len(motion), -1)
-    root = motion.positions[:, layout.root] / height
-    steps = np.diff(root[:, GROUND_AXES], axis=0)
-    features[1:, layout.root_steps] = steps
-    features[0, layout.root_steps] = steps[0] if len(steps) else 0.0
-    features[:, layout.root_height] = root[:, [UP_AXIS]]
+    positions = motion.positions / height
+    features[:, layout.root_steps] = _ground_steps(positions[:, [layout.root]])
+    features[:, layout.root_height] = positions[:, layout.root, [UP_AXIS]]
     if layout.translating:
         joints = list(layout.translating)
         moved = motion.local_translations[:, joints] - layout.skeleton.offsets[joints]
         features[:, layout.translations] = moved.reshape(len(motion), -1) / height
     if layout.feet:
         features[:, layout.contacts] = contact_labels(motion, layout.feet)
+        features[:, layout.foot_steps] = _ground_steps(positions[:, list(layout.feet)])
     return features
+
+
+def _ground_steps(positions: Array) -> Array:
+    """(T, 2 n) steps over the ground of positions (T, n, 3); the first frame has that of the second."""
+    steps = np.diff(positions[..., GROUND_AXES], axis=0)
+    first = steps[:1] if len(steps) else np.zeros_like(positions[..., GROUND_AXES])
+    return np.concatenate([first, steps]).reshape(len(positions), -1)
 
 
 def from_features(features: Array, layout: FeatureLayout, like: Motion, start: Array | None = None) -> Motion:
     """The motion that (T, D) features describe; the exact inverse of `to_features`.
 
-    Rotations are made orthonormal (Gram-Schmidt). Contact labels are not used.
+    Rotations are made orthonormal (Gram-Schmidt). Contact labels and the feet's steps are not used.
 
     Args:
         features: (T, D).

@@ -33,7 +33,8 @@ def test_slices_are_apart_and_cover_every_feature() -> None:
     rng = np.random.default_rng(0)
     motion = random_motion(rng, random_skeleton(rng, 9), frames=5, translating=(0, 3, 7))
     layout = layout_of([motion])
-    parts = (layout.rotations, layout.root_steps, layout.root_height, layout.translations, layout.contacts)
+    slices = ("rotations", "root_steps", "root_height", "translations", "contacts", "foot_steps")
+    parts = [getattr(layout, name) for name in slices]
     covered = [i for part in parts for i in range(part.start, part.stop)]
     assert covered == list(range(layout.size))
     assert sorted(layout.joint_features(range(9))) == list(range(layout.size))
@@ -75,6 +76,10 @@ def test_contact_labels_are_appended(shared_data: object) -> None:
     labels = to_features(motion, layout)[:, layout.contacts]
     assert len(layout.feet) >= 2
     np.testing.assert_array_equal(labels, contact_labels(motion, layout.feet))
+    steps = np.diff(motion.positions[:, list(layout.feet)][..., [0, 2]], axis=0) / motion.skeleton.height
+    np.testing.assert_allclose(
+        to_features(motion, layout)[1:, layout.foot_steps], steps.reshape(len(steps), -1), atol=1e-12
+    )
 
 
 def test_clips_of_two_skeletons_are_refused_by_name() -> None:

@@ -1,10 +1,9 @@
 """Foot clean-up before and after: `python -m tools.bench_ik FOLDER [--seeds 4]`.
 
 FOLDER holds real clips (`characters/`, and `bandai-namco/dataset-1.tar.xz`); those that are not there are left out, and
-the bundled clip is always in. Each is cleaned itself, and so are GenMM's syntheses of it, twice as long, from seeds 0,
-1, 2, ...: once with the contact labels that are found in the synthesis, and once with those of the example's nearest
-pose, as a generator that synthesises labels has them. Markdown tables are printed: means over the seeds for what is a
-mean, and the worst of all seeds for what is a largest.
+the bundled clip is always in. Each is cleaned itself, and GenMM makes motions of it, twice as long, from seeds 0, 1, 2,
+..., with its option `standing_feet` on free (the synthesis as it comes), still and example. Markdown tables are printed:
+means over the seeds for what is a mean, and the worst of all seeds for what is a largest.
 """
 
 from __future__ import annotations
@@ -90,22 +89,6 @@ def leg_joints(motion: mg.Motion, feet: Sequence[int]) -> list[int]:
     return sorted({int(joint) for joints in (legs.hips, legs.knees, legs.feet) for joint in joints})
 
 
-def labels_of_nearest_pose(motion: mg.Motion, example: mg.Motion, feet: Sequence[int]) -> Labels:
-    """(T, C) contact labels of the example's frames whose poses, and changes of pose, are nearest; the root is none."""
-
-    def described(clip: mg.Motion) -> Array:
-        columns = rot.to_6d(clip.rotations)
-        columns[:, clip.root] = 0.0
-        poses = columns.reshape(len(clip), -1)
-        frames, reach = np.arange(len(clip)), max(1, round(clip.frame_rate / 30))
-        after, before = np.minimum(frames + reach, len(clip) - 1), np.maximum(frames - reach, 0)
-        return np.concatenate([poses, poses[after] - poses[before]], axis=1)
-
-    theirs, ours = described(motion), described(example)
-    apart = (ours**2).sum(axis=1) - 2 * theirs @ ours.T
-    return contact_labels(example, feet)[np.argmin(apart, axis=1)]
-
-
 def seconds_of(work: Callable[[], object], repeats: int = 9) -> float:
     """The least processor time of several runs; on an idle machine that is the time that passes."""
     times = []
@@ -142,12 +125,12 @@ def captured_row(clip: mg.Motion, feet: Sequence[int]) -> list[str]:
 
 
 def synthesis_rows(
-    clip: mg.Motion, feet: Sequence[int], syntheses: Sequence[mg.Motion], labels: Sequence[Labels]
+    clip: mg.Motion, feet: Sequence[int], syntheses: Sequence[mg.Motion], cleaned: Sequence[mg.Motion]
 ) -> tuple[list[str], list[str]]:
     """A row of the table of skate, and one of the table of pops."""
     own = measure(clip, feet, contact_labels(clip, feet))
+    labels = [contact_labels(each, feet) for each in syntheses]
     before = [measure(each, feet, known) for each, known in zip(syntheses, labels)]
-    cleaned = [clean_feet(each, feet, known) for each, known in zip(syntheses, labels)]
     after = [measure(each, feet, known) for each, known in zip(cleaned, labels)]
 
     def mean(name: str, of: Sequence[Figures]) -> float:
@@ -193,21 +176,21 @@ def main() -> None:
                   "slip: example", "synthesis", "cleaned"]  # fmt: skip
     pops_head = ["example / synthesis / cleaned", "largest turn of a leg joint (°)", "largest step", "jitter of legs",
                  "of all joints", "penetration"]  # fmt: skip
-    tables = {kind: ([skate_head], [pops_head]) for kind in ("found in the synthesis", "of the example's nearest pose")}
+    tables = {how: ([skate_head], [pops_head]) for how in ("still", "example")}
     for clip in clips_in(options.folder):
         feet = foot_joints(clip)
         captured.append(captured_row(clip, feet))
-        generator = mg.create("genmm").fit([clip])
-        syntheses = [generator.sample(frames=2 * len(clip), seed=seed)[0] for seed in range(options.seeds)]
-        found = [contact_labels(each, feet) for each in syntheses]
-        known = [labels_of_nearest_pose(each, clip, feet) for each in syntheses]
-        for (skate, pops), labels in zip(tables.values(), (found, known)):
-            for table, row in zip((skate, pops), synthesis_rows(clip, feet, syntheses, labels)):
+        made = {
+            how: mg.create("genmm", standing_feet=how).fit([clip]).sample(2 * len(clip), options.seeds)
+            for how in ("free", *tables)
+        }
+        for how, (skate, pops) in tables.items():
+            for table, row in zip((skate, pops), synthesis_rows(clip, feet, made["free"], made[how])):
                 table.append(row)
     print("## Captured clips, before / after\n")
     print("\n".join(markdown_table(captured)))
-    for kind, parts in tables.items():
-        print(f"\n## Syntheses, with labels {kind}\n")
+    for how, parts in tables.items():
+        print(f"\n## Syntheses, standing_feet={how}\n")
         print("\n\n".join("\n".join(markdown_table(table)) for table in parts))
 
 

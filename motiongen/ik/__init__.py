@@ -31,6 +31,8 @@ LARGEST_DROP = 0.03
 LARGEST_MOVE = 0.05, 0.1
 """A foot moves freely up to the first distance, and never past the second, in skeleton heights."""
 
+GROUND = (0, 2)
+
 _UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -38,6 +40,7 @@ def clean_feet(
     motion: Motion,
     feet: Sequence[int] | None = None,
     labels: ArrayLike | None = None,
+    steps: ArrayLike | None = None,
     *,
     blend_seconds: float = BLEND_SECONDS,
     largest_drop: float = LARGEST_DROP,
@@ -59,12 +62,15 @@ def clean_feet(
         feet: (C,) its foot joints; `motiongen.contact.foot_joints(motion)` by default.
         labels: (T, C) whether each of them stands in each frame; by default `motiongen.contact.contact_labels(motion,
             feet)`, which takes a foot that slides fast for one that swings. A synthesis may know better.
+        steps: (T, C, 2) how far each of them moves over the ground (x, z) since the frame before while it stands, in
+            skeleton heights: a footprint then moves along, and all heights stay as they are. By default it rests. A
+            synthesis gives the steps of its example here, and is changed only where it does not follow them.
         blend_seconds: how long a foot takes to ease into a footprint, and out of it.
         largest_drop: how far the root is lowered at most, in skeleton heights; 0 keeps it as it is.
 
     Raises:
-        MotionGenError: if there is no such joint, one comes twice, the labels have another shape or are no labels, or a
-            setting is negative.
+        MotionGenError: if there is no such joint, one comes twice, the labels have another shape or are no labels, the
+            steps have another shape, or a setting is negative.
     """
     feet = tuple(foot_joints(motion) if feet is None else (int(joint) for joint in feet))
     _check(feet, blend_seconds, largest_drop)
@@ -74,15 +80,23 @@ def clean_feet(
     contact = fill_gaps(np.where(legs.label >= 0, stands[:, legs.label], False), GAP_SECONDS * motion.frame_rate)
     if not contact.any():
         return motion
-    return _clean(motion, legs, contact, heights[:, legs.label], blend_seconds * motion.frame_rate, largest_drop)
+    heights = heights[:, legs.label]
+    slid = np.zeros((*heights.shape, 3))  # where the feet have got to by themselves
+    if steps is not None:
+        own = _checked_steps(steps, stands.shape)[:, legs.label]
+        slid[..., GROUND] = np.where((legs.label >= 0)[:, None], np.cumsum(own, axis=0), 0.0)
+        heights = np.zeros_like(heights)
+    return _clean(motion, legs, contact, heights, slid, blend_seconds * motion.frame_rate, largest_drop)
 
 
-def _clean(motion: Motion, legs: Legs, contact: Labels, heights: Array, blend: float, largest_drop: float) -> Motion:
-    """`clean_feet` from labels (T, K) and heights over the ground (T, K) of all foot joints of all legs."""
+def _clean(
+    motion: Motion, legs: Legs, contact: Labels, heights: Array, slid: Array, blend: float, largest_drop: float
+) -> Motion:
+    """`clean_feet` from labels (T, K), heights over the ground (T, K) and own ways (T, K, 3) of all foot joints."""
     positions = motion.positions / motion.skeleton.height
     feet, hips, ankles = positions[:, legs.feet], positions[:, legs.hips], positions[:, legs.ankles]
     upper, lower = positions[:, legs.knees] - hips, ankles - positions[:, legs.knees]
-    moves, hold = displacements(feet, heights, contact, legs, blend)
+    moves, hold = displacements(feet - slid, heights, contact, legs, blend)
     turns, targets = place_feet(feet, feet + shortened(moves, *LARGEST_MOVE), hold, legs)
 
     standing = (hold[:, :, None] * legs.foot).max(axis=1)  # (T, L)
@@ -152,6 +166,15 @@ def _check(feet: Sequence[int], blend_seconds: float, largest_drop: float) -> No
     for name, value in (("blend_seconds", blend_seconds), ("largest_drop", largest_drop)):
         if not (math.isfinite(value) and value >= 0):
             raise MotionGenError(f"{name} must be zero or a positive number, not {value}")
+
+
+def _checked_steps(steps: ArrayLike, shape: tuple[int, ...]) -> Array:
+    given = np.asarray(steps, dtype=np.float64)
+    if given.shape != (*shape, 2):
+        raise MotionGenError(
+            f"steps must have shape {(*shape, 2)}, an x and a z for each frame and foot joint, not {given.shape}"
+        )
+    return given
 
 
 def _checked_labels(labels: ArrayLike, shape: tuple[int, ...]) -> Labels:

@@ -132,7 +132,7 @@ def test_unknown_names_and_options_come_with_the_nearest() -> None:
         ({"alpha": "much"}, "alpha must be of type float or none, not 'much'"),
         ({"scale_factor": 1}, "scale_factor must be more than 1, not 1"),
         ({"noise": float("nan")}, "noise must be a finite number, not nan"),
-        ({"contacts": 1}, "contacts must be of type bool, not 1"),
+        ({"standing_feet": 1}, "standing_feet must be of type str, not 1"),
     ],
 )
 def test_options_out_of_range_are_refused(options: dict, message: str) -> None:

@@ -271,6 +271,20 @@ def test_a_foot_chosen_by_its_index_is_cleaned_alone() -> None:
     np.testing.assert_array_equal(cleaned.positions[:, right], motion.positions[:, right])
 
 
+def test_a_foot_that_slides_as_it_should_is_left_alone() -> None:
+    """Only what is not of its own steps is taken out."""
+    own = drifting(biped(), sway(60))
+    feet = foot_joints(own)
+    labels = np.ones((60, len(feet)), dtype=bool)
+    ground = own.positions[:, list(feet)][..., [0, 2]] / own.skeleton.height
+    steps = np.diff(ground, axis=0, prepend=ground[:1])
+    assert clean_feet(own, feet, labels, steps).allclose(own, tolerance=1e-7)
+    disturbed = drifting(own, sway(60, size=0.013)[::-1])
+    cleaned = clean_feet(disturbed, feet, labels, steps)
+    slides = np.diff(cleaned.positions[:, list(feet)][..., [0, 2]], axis=0) / own.skeleton.height
+    np.testing.assert_allclose(slides, steps[1:], atol=1e-6)
+
+
 def test_labels_are_found_where_none_are_given() -> None:
     motion = drifting(biped(), sway(60))
     feet = foot_joints(motion)

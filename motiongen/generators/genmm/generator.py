@@ -16,7 +16,7 @@ from torch import Tensor
 from motiongen import rotations as rot
 from motiongen.easing import hold_poses, limit_turns
 from motiongen.errors import MotionGenError
-from motiongen.features import FeatureLayout, from_features, layout_of, rotation_features, to_features
+from motiongen.features import GROUND_AXES, FeatureLayout, from_features, layout_of, rotation_features, to_features
 from motiongen.generators.base import Capabilities, Generator, Progress, sample_seed, seed_number
 from motiongen.generators.constraints import (
     Constraint,
@@ -42,6 +42,7 @@ from motiongen.generators.genmm.plan import CONTEXT_PATCHES, Plan, guidance_of, 
 from motiongen.generators.genmm.pyramid import PartSource, Pyramid, build_pyramid, resize
 from motiongen.generators.genmm.stream import chunk_length, chunks
 from motiongen.generators.genmm.synthesis import synthesise
+from motiongen.ik import LARGEST_DROP, clean_feet
 from motiongen.motion import Motion
 
 EASE_SECONDS = 0.5
@@ -87,7 +88,7 @@ class GenMM(Generator):
     def _fit(self, motions: tuple[Motion, ...]) -> None:
         self._like = motions[0]
         self._stride = max(1, round(self._like.frame_rate / self.options.working_rate))
-        self._layout = layout_of(motions, contacts=self.options.contacts)
+        self._layout = layout_of(motions, contacts=True)
         self._native_examples = tuple(self._at_native_rate(motion) for motion in motions)
         self._quickest_turn = max(_quickest_turn(motion) for motion in self._native_examples)
         native = [to_features(motion, self._layout) for motion in self._native_examples]
@@ -117,6 +118,8 @@ class GenMM(Generator):
         # Steps are per native frame; the weight is meant for steps per working frame.
         weights[self._layout.root_steps] = self.options.root_motion_weight * self._stride
         weights[self._layout.root_height] = self.options.root_motion_weight
+        weights[self._layout.contacts] = self.options.contact_weight
+        weights[self._layout.foot_steps] = 0.0  # they follow from all the others, and are there for the clean-up
         return weights
 
     def _pyramid(self, parts: Parts | None, reduced: bool) -> Pyramid:
@@ -242,8 +245,7 @@ class GenMM(Generator):
         """The motion of (plan.total, D) features, with all that is known put in and the context cut off."""
         if plan.loop is not None and self._loops_in_place(plan.loop):
             features[:, self._layout.root_steps] -= features[:, self._layout.root_steps].mean(axis=0)
-        motion = from_features(features, self._layout, self._like)
-        motion = limit_turns(motion, self._quickest_turn, plan.loop is not None)
+        motion = self._cleaned(features, plan)
         notes: tuple[str, ...] = ()
         for known in plan.known:
             window = EASE_SECONDS * motion.frame_rate
@@ -255,6 +257,25 @@ class GenMM(Generator):
             )
         motion = motion.replace(notes=notes)
         return motion[plan.lead : plan.lead + plan.frames] if plan.total != plan.frames else motion
+
+    def _cleaned(self, features: np.ndarray, plan: Plan) -> Motion:
+        """The motion of (plan.total, D) features without turns that are too quick, and with feet that stand still."""
+        layout, frames, circular = self._layout, len(features), plan.loop is not None
+        start = self._like.root_positions[0, GROUND_AXES]
+        if circular:  # three rounds, of which the middle one knows no end
+            start = start - features[:, layout.root_steps].sum(axis=0) * layout.skeleton.height
+            features = np.tile(features, (3, 1))
+        motion = from_features(features, layout, self._like, start)
+        motion = limit_turns(motion, self._quickest_turn)
+        feet = plan.free_feet(layout)
+        if self.options.standing_feet != "free" and feet:
+            chosen = [layout.feet.index(foot) for foot in feet]
+            labels = features[:, layout.contacts][:, chosen] > 0.5
+            slides = features[:, layout.foot_steps].reshape(len(features), -1, 2)[:, chosen]
+            steps = slides if self.options.standing_feet == "example" else None
+            drop = 0.0 if plan.root_is_known(layout) else LARGEST_DROP
+            motion = clean_feet(motion, feet, labels, steps, largest_drop=drop)
+        return motion[frames : 2 * frames] if circular else motion
 
     def _loops_in_place(self, loop: Loop) -> bool:
         if loop.in_place is not None:

@@ -53,7 +53,18 @@ class GenMMOptions(Options):
         "velocities in heights per second.",
         minimum=0.0,
     )
-    contacts: bool = option(False, "Add foot-contact labels to the features that are matched (section 3.1).")
+    contact_weight: float = option(
+        0.0,
+        "How much a foot-contact label counts beside a joint's rotation (section 3.1). Labels come along at 0, too; "
+        "above, motions stray further from the example and feet slide no less.",
+        minimum=0.0,
+    )
+    standing_feet: str = option(
+        "still",
+        "What inverse kinematics of the legs makes of feet that stand: still keeps them where they are; example lets "
+        "them slide as the example's do; free leaves them as they come. Fixed joints and keys stay exact.",
+        choices=("still", "example", "free"),
+    )
     working_rate: float = option(
         30.0, "Rate in Hz at which patches are matched; the nearest whole fraction of the clip's own rate.", above=0.0
     )

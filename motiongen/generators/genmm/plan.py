@@ -86,6 +86,16 @@ class Plan:
         """Frames to make, context included."""
         return self.lead + self.frames + self.tail
 
+    def free_feet(self, layout: FeatureLayout) -> tuple[int, ...]:
+        """The foot joints that hang from the root by joints that are all free to move."""
+        fixed = {joint for known in self.known if known.dense for joint in known.joints or () if joint != layout.root}
+        chains = {foot: {foot, *layout.skeleton.ancestors(foot)} for foot in layout.feet}
+        return tuple(foot for foot, chain in chains.items() if not chain & fixed)
+
+    def root_is_known(self, layout: FeatureLayout) -> bool:
+        """Whether the root is among joints whose motion is given throughout."""
+        return any(known.dense and layout.root in (known.joints or ()) for known in self.known)
+
 
 def make_plan(frames: int, constraints: Sequence[Constraint], layout: FeatureLayout, rate: float, context: int) -> Plan:
     """Put constraints together.

@@ -66,7 +66,8 @@ class Pyramid:
 
     Attributes:
         stages: coarsest first.
-        features: how many numbers each part has before they are reduced to coordinates; alpha is meant per number.
+        features: how many numbers each part is matched by, before they are reduced to coordinates; alpha is meant for
+            one of them.
         basis: the axes along which a single part holds coordinates; None: the features themselves.
         mean: (D,) mean feature of the coarsest examples.
         deviation: (D,) deviation of the coarsest examples' features.
@@ -122,7 +123,7 @@ def build_pyramid(
         Stage(scale, tuple(part(source, whole, scale) for source, whole in zip(sources, full))) for scale in scales
     )
     size = examples[0].shape[1]
-    features = tuple(size if source.columns is None else len(source.columns) for source in sources)
+    features = tuple(_numbers(source) for source in sources)
     mean, deviation = examples[0].new_zeros(size), examples[0].new_zeros(size)
     for source in sources:
         coarsest = torch.cat([resized(example, scales[0]) for example in source.examples])
@@ -130,6 +131,12 @@ def build_pyramid(
         mean[columns] = coarsest.mean(dim=0)[columns]
         deviation[columns] = coarsest.std(dim=0, unbiased=False)[columns]
     return Pyramid(stages, features, basis, mean, deviation)
+
+
+def _numbers(source: PartSource) -> int:
+    """How many of the part's features count: those of weight 0 are 0 throughout."""
+    used = torch.stack([(example != 0).any(dim=0) for example in source.examples]).any(dim=0)
+    return int((used if source.columns is None else used[source.columns]).sum())
 
 
 def stage_scales(length: float, patch_size: int, coarse_patches: float, scale_factor: float) -> list[float]:

@@ -11,6 +11,8 @@ import motiongen as mg
 from motiongen import Motion, MotionGenError
 from motiongen import rotations as rot
 from motiongen.assets import EXAMPLE_CLIP
+from motiongen.contact import foot_joints
+from motiongen.quality import foot_skate
 from tests.strategies import random_motion, random_skeleton
 
 
@@ -75,9 +77,39 @@ def test_moving_joints_below_the_root_keep_moving() -> None:
     assert np.ptp(result.translations[:, 1], axis=0).max() > 0.1 * np.ptp(clip.translations[:, 1], axis=0).max()
 
 
-def test_contact_features_can_be_matched_too() -> None:
+def test_feet_that_stand_stay_where_they_are() -> None:
+    """Slip, the speed of feet over the ground while the example says that they stand, nearly goes."""
+    clip = mg.load(EXAMPLE_CLIP)[:600].resample(30)
+    free, example, still = (
+        mg.create("genmm", standing_feet=how).fit([clip]).sample(300)[0] for how in ("free", "example", "still")
+    )
+    feet = foot_joints(clip)
+    assert foot_skate(still, feet) < 0.6 * foot_skate(free, feet)
+    assert foot_skate(still, feet) < foot_skate(clip, feet)
+    away = [np.abs(motion.rotations - free.rotations).mean() for motion in (example, still)]
+    assert 0 < away[0] < away[1]
+
+
+def test_standing_feet_of_a_loop_close_it() -> None:
+    clip = mg.load(EXAMPLE_CLIP)[:600].resample(30)
+    loop = mg.create("genmm").fit([clip]).sample(150, constraints=[mg.Loop(in_place=True)])[0]
+    turns = rot.angle_between(np.roll(loop.rotations, -1, axis=0), loop.rotations).max(axis=1)
+    assert turns[-1] <= turns[:-1].max()
+
+
+def test_fixed_legs_are_no_concern_of_the_clean_up() -> None:
+    clip = mg.load(EXAMPLE_CLIP)[:600].resample(30)
+    legs = ("*Leg*", "*Foot*", "*Toe*")
+    fixed = mg.FixedJoints(clip, legs)
+    motion = mg.create("genmm").fit([clip]).sample(len(clip), constraints=[fixed])[0]
+    chosen = list(clip.skeleton.select(legs))
+    np.testing.assert_array_equal(motion.rotations[:, chosen], clip.rotations[:, chosen])
+
+
+def test_contact_labels_can_be_matched_too() -> None:
     clip = mg.load(EXAMPLE_CLIP)[:200]
-    assert len(mg.create("genmm", contacts=True).fit([clip]).sample(50)[0]) == 50
+    plain, matched = (mg.create("genmm", contact_weight=w).fit([clip]).sample(50)[0] for w in (0.0, 5.0))
+    assert not plain.allclose(matched)
 
 
 def test_a_device_that_is_not_there_is_refused_in_a_line() -> None:
@@ -90,7 +122,7 @@ def test_on_real_clips_nothing_is_lost_and_nothing_invented(shared_data: Path, n
     from motiongen.metrics import one_clip_metrics
 
     clip = mg.load(shared_data / "characters" / f"{name}.bvh").resample(30)
-    generator = mg.create("genmm").fit([clip])
+    generator = mg.create("genmm", standing_feet="free").fit([clip])
     syntheses = generator.sample(frames=2 * len(clip), count=2, seed=0)
     metrics = one_clip_metrics([clip], syntheses)
     assert metrics.coverage > 0.99
