@@ -119,7 +119,7 @@ _READERS: dict[str, Callable[[dict[str, Any], Material], Constraint]] = {
     "continuation": lambda values, material: Continuation(material.clip(values["clip"])),
     "in_between": lambda values, material: InBetween(material.clip(values["before"]), material.clip(values["after"])),
     "style": lambda values, material: Style(material.clip(values["content"]), values["detail"]),
-    "parts": lambda values, material: Parts(values["joints"] or {}),
+    "parts": lambda values, material: Parts(values["joints"] or {}, values["examples"], values["preset"]),
 }
 
 

@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from motiongen.errors import MotionGenError
+from motiongen.errors import MotionGenError, nearest_of
 from motiongen.motion import Motion
 from motiongen.skeleton import Skeleton, frozen_array
 
@@ -166,24 +166,47 @@ class Segment(Constraint):
             )
 
 
+PART_PRESETS = ("auto", "arms", "upper_lower")
+
+
 @dataclass(frozen=True)
 class Parts(Constraint):
     """Skeletal parts, matched and blended apart (GenMM section 3.3).
 
     Attributes:
-        joints: name of the part -> names or shell-style patterns of its joints; parts may overlap. Empty: found from
-            the tree alone.
+        joints: name of the part -> names or shell-style patterns of its joints; parts may overlap. Empty: the preset.
+        preset: parts that are found on any skeleton. auto: the trunk, and each limb; arms: each limb without feet, and
+            all the rest together; upper_lower: the limbs with feet together, and all the rest together. What hangs
+            together shares the joint where it does.
+        examples: name of a given part -> numbers of the examples that its motion is taken from, 0 for the first that
+            was given to `fit`. Parts that are not named take it from all. With this a creature moves one part as one
+            character does and another part as another (section 3.4); see `motiongen.reassembly`.
     """
 
     joints: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    examples: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    preset: str = "auto"
 
     def __post_init__(self) -> None:
-        """Freeze the mapping."""
+        """Freeze the mappings."""
         parts = {str(name): tuple(patterns) for name, patterns in self.joints.items()}
         object.__setattr__(self, "joints", MappingProxyType(parts))
+        examples = {str(name): tuple(int(number) for number in numbers) for name, numbers in self.examples.items()}
+        object.__setattr__(self, "examples", MappingProxyType(examples))
 
     def check(self, skeleton: Skeleton, frames: int) -> None:
-        """Every pattern must match, and the parts together must hold every joint."""
+        """Every pattern must match, the parts together must hold every joint, and examples are given for parts."""
+        if self.preset not in PART_PRESETS:
+            raise MotionGenError(
+                f"there is no preset of parts '{self.preset}'{nearest_of(self.preset, PART_PRESETS)}; there are "
+                f"{', '.join(PART_PRESETS)}"
+            )
+        for name, numbers in self.examples.items():
+            if name not in self.joints:
+                known = ", ".join(self.joints) or "none"
+                raise MotionGenError(f"examples are given for part '{name}'; the parts that are given: {known}")
+            if not numbers or min(numbers) < 0:
+                raise MotionGenError(f"part '{name}' needs numbers of examples, 0 and more, not {list(numbers)}")
         held = {joint for patterns in self.joints.values() for joint in skeleton.select(patterns)}
         left = [name for joint, name in enumerate(skeleton.names) if joint not in held]
         if self.joints and left:

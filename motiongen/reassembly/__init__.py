@@ -8,8 +8,8 @@ to that character's front and to up, and a joint that two characters share turns
     body = PartSource(walk)
     head = PartSource(elephant, joints="Bip01_Head", replaces="Head")
     creature = assemble([body, head])
-    creature.examples  # the clips of both on creature.skeleton
-    creature.parts[1].known  # the joints whose motion the elephant's clips know
+    generator = mg.create("genmm").fit(creature.clips)  # the clips of both on creature.skeleton
+    generator.sample(600, constraints=[creature.constraint])  # the head moves as the elephant's, the rest as the walk
 """
 
 from motiongen.reassembly.assembly import Assembly, Link, Part

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from motiongen import rotations as rot
 from motiongen.errors import MotionGenError
+from motiongen.generators.constraints import Parts
 from motiongen.motion import Motion, concatenate
 from motiongen.skeleton import Skeleton
 from motiongen.stance import facing
@@ -124,6 +126,22 @@ class Assembly:
     def examples(self) -> tuple[tuple[Motion, ...], ...]:
         """For each part its clips on the union skeleton (see `lift`)."""
         return tuple(tuple(self.lift(clip, p) for clip in part.examples) for p, part in enumerate(self.parts))
+
+    @property
+    def clips(self) -> tuple[Motion, ...]:
+        """All `examples` in a row, for `Generator.fit`."""
+        return tuple(clip for clips in self.examples for clip in clips)
+
+    @property
+    def constraint(self) -> Parts:
+        """With this a generator that was fitted to `clips` takes each part's motion from the clips of its source."""
+        given = [part.name for part in self.parts]
+        names = [name if given.count(name) == 1 else f"{name} {number}" for number, name in enumerate(given)]
+        ends = list(itertools.accumulate((len(part.examples) for part in self.parts), initial=0))
+        return Parts(
+            {name: [self.skeleton.names[j] for j in part.known] for name, part in zip(names, self.parts)},
+            {name: range(ends[number], ends[number + 1]) for number, name in enumerate(names)},
+        )
 
     def known_mask(self, source: int) -> NDArray[np.bool_]:
         """(U,) whether the clips of that source know the motion of each joint."""

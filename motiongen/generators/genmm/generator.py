@@ -124,19 +124,30 @@ class GenMM(Generator):
 
     def _pyramid(self, parts: Parts | None, reduced: bool) -> Pyramid:
         """The examples at all stages for these parts, built when first needed."""
-        key = (None if parts is None else tuple(parts.joints.items()), parts is None, reduced)
+        key = (None if parts is None else (parts.preset, *parts.joints.items(), *parts.examples.items()), reduced)
         if key not in self._pyramids:
             options, examples = self.options, self._examples_weighted
-            columns: list[Tensor | None] = [None]
-            if parts is not None:
-                joints = skeletal_parts(self._layout.skeleton, parts).values()
-                columns = [torch.from_numpy(self._layout.joint_features(part)).to(self.device) for part in joints]
-            sources = [PartSource(examples, chosen) for chosen in columns]
+            sources = [PartSource([examples[i] for i in numbers], columns) for columns, numbers in self._sources(parts)]
             basis = principal_axes(examples) if reduced else None
             self._pyramids[key] = build_pyramid(
                 sources, options.patch_size, options.coarse_patches, options.scale_factor, basis
             )
         return self._pyramids[key]
+
+    def _sources(self, parts: Parts | None) -> list[tuple[Tensor | None, Sequence[int]]]:
+        """For each part its features (C,), None for all, and the numbers of the examples that it is taken from."""
+        every = range(len(self._native_examples))
+        if parts is None:
+            return [(None, every)]
+        for name, numbers in parts.examples.items():
+            if max(numbers) not in every:
+                raise MotionGenError(
+                    f"part '{name}' is to be taken from example {max(numbers)}; there are {len(every)}, the first is 0"
+                )
+        return [
+            (torch.from_numpy(self._layout.joint_features(joints)).to(self.device), parts.examples.get(name, every))
+            for name, joints in skeletal_parts(self._layout.skeleton, parts, self._layout.feet).items()
+        ]
 
     # -- synthesis
 
@@ -230,20 +241,28 @@ class GenMM(Generator):
             working = max(size, math.ceil((plan.total - 1) / stride) + 1)
             native_frames = plan.total
         nearest = synthesise(pyramid, working, [seed], self.options, guidance, advance)
-        columns = [part.columns for part in pyramid.stages[-1].parts]
-        blended = [
-            blend(n, self._native if c is None else self._native[:, c], size, stride, native_frames, circular)
-            for n, c in zip(nearest, columns)
-        ]
-        features = assemble(blended, columns, self._layout.size)[0]
+        sources = self._sources(plan.parts)
+        blended = []
+        for chosen, (columns, numbers) in zip(nearest, sources):
+            native = self._native if columns is None else self._native[:, columns]
+            starts = self._among_all(numbers)[chosen]
+            blended.append(blend(starts, native, size, stride, native_frames, circular))
+        features = assemble(blended, [columns for columns, _ in sources], self._layout.size)[0]
         if native_frames != plan.total:  # a circle of a length that the working rate does not have
             features = resize(features, plan.total, circular=True)
             features[:, self._layout.root_steps] *= native_frames / plan.total
         return features.cpu().numpy()
 
+    def _among_all(self, numbers: Sequence[int]) -> Tensor:
+        """(T,) for each working frame of some examples, end to end, its place among those of all, end to end."""
+        lengths = [len(example) for example in self._examples_weighted]
+        begins = itertools.accumulate(lengths, initial=0)
+        places = [torch.arange(begin, begin + length) for begin, length in zip(begins, lengths)]
+        return torch.cat([places[number] for number in numbers]).to(self.device)
+
     def _finished(self, features: np.ndarray, plan: Plan) -> Motion:
         """The motion of (plan.total, D) features, with all that is known put in and the context cut off."""
-        if plan.loop is not None and self._loops_in_place(plan.loop):
+        if plan.loop is not None and self._loops_in_place(plan):
             features[:, self._layout.root_steps] -= features[:, self._layout.root_steps].mean(axis=0)
         motion = self._cleaned(features, plan)
         notes: tuple[str, ...] = ()
@@ -277,11 +296,19 @@ class GenMM(Generator):
             motion = clean_feet(motion, feet, labels, steps, largest_drop=drop)
         return motion[frames : 2 * frames] if circular else motion
 
-    def _loops_in_place(self, loop: Loop) -> bool:
-        if loop.in_place is not None:
-            return loop.in_place
-        steps = self._native[:, self._layout.root_steps].mean(dim=0)  # heights a frame
-        return float(steps.norm()) * self._like.frame_rate < IN_PLACE_SPEED
+    def _loops_in_place(self, plan: Plan) -> bool:
+        if plan.loop is not None and plan.loop.in_place is not None:
+            return plan.loop.in_place
+        return self._drift(plan.parts) * self._like.frame_rate < IN_PLACE_SPEED
+
+    def _drift(self, parts: Parts | None) -> float:
+        """How far the examples of the part with the root get in a frame on average, in heights."""
+        for columns, numbers in self._sources(parts):
+            if columns is None or self._layout.root_steps.start in columns:
+                roots = [self._native_examples[number].root_positions[:, GROUND_AXES] for number in numbers]
+                way = sum(root[-1] - root[0] for root in roots) / self._layout.skeleton.height
+                return float(np.linalg.norm(way)) / sum(map(len, roots))
+        return 0.0
 
 
 def _quickest_turn(motion: Motion) -> float:

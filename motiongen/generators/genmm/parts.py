@@ -13,11 +13,25 @@ LIMB_SHARE = 0.08
 """How much of all bone length a branch must have to be a limb; anything smaller stays with what it hangs from."""
 
 
-def skeletal_parts(skeleton: Skeleton, parts: Parts) -> dict[str, tuple[int, ...]]:
-    """Name -> joints of each part, as given, or found from the tree alone where none are."""
-    if not parts.joints:
-        return automatic_parts(skeleton)
-    return {name: skeleton.select(patterns) for name, patterns in parts.joints.items()}
+TRUNK = "trunk"
+
+
+def skeletal_parts(skeleton: Skeleton, parts: Parts, feet: Sequence[int] = ()) -> dict[str, tuple[int, ...]]:
+    """Name -> joints of each part, as given, or by a preset where none are; `feet` are the skeleton's foot joints."""
+    if parts.joints:
+        return {name: skeleton.select(patterns) for name, patterns in parts.joints.items()}
+    found = automatic_parts(skeleton)
+    if parts.preset == "auto":
+        return found
+    legs = [name for name, joints in found.items() if name != TRUNK and set(joints[1:]) & set(feet)]
+    arms = [name for name in found if name != TRUNK and name not in legs]
+    if parts.preset == "arms":
+        return {"body": _together(found, [TRUNK, *legs]), **{arm: found[arm] for arm in arms}}
+    return {"upper": _together(found, [TRUNK, *arms]), "lower": _together(found, legs)} if legs else found
+
+
+def _together(parts: dict[str, tuple[int, ...]], names: Sequence[str]) -> tuple[int, ...]:
+    return tuple(sorted({joint for name in names for joint in parts[name]}))
 
 
 def automatic_parts(skeleton: Skeleton) -> dict[str, tuple[int, ...]]:
@@ -31,13 +45,13 @@ def automatic_parts(skeleton: Skeleton) -> dict[str, tuple[int, ...]]:
     long = length >= LIMB_SHARE * length[0]
     inner = [j for j in range(len(skeleton)) if sum(bool(long[c]) for c in skeleton.children[j]) >= 2]
     if not inner:
-        return {"body": tuple(range(len(skeleton)))}
+        return {TRUNK: tuple(range(len(skeleton)))}
     trunk = {0, *inner, *(above for joint in inner for above in skeleton.ancestors(joint))}
     limbs = [
         child for joint in sorted(trunk) for child in skeleton.children[joint] if child not in trunk and long[child]
     ]
     below = {joint for limb in limbs for joint in skeleton.subtree(limb)}
-    parts = {"trunk": tuple(j for j in range(len(skeleton)) if j not in below)}
+    parts = {TRUNK: tuple(j for j in range(len(skeleton)) if j not in below)}
     for limb in limbs:
         parts[skeleton.names[limb]] = (skeleton.parents[limb], *skeleton.subtree(limb))
     return parts
