@@ -14,7 +14,7 @@ class GenMMOptions(Options):
     alpha: float | None = option(
         0.01,
         "Completeness (Eq. 2): smaller shows more of the example; 0 is unstable; null drops the normalisation, which "
-        "loses rare moves.",
+        "loses rare moves. The coarsest stage takes a tenth of the examples' variance where that is less.",
         minimum=0.0,
     )
     patch_size: int = option(

@@ -18,6 +18,14 @@ EXACT_PAIRS = {"exact": math.inf, "auto": 2**27, "approximate": 2**20}
 """Pairs of frames up to which all are compared: for `auto` about 11,600 by 11,600 frames."""
 
 
+COARSEST_SHARE = 0.1
+"""Alpha of the coarsest stage is at most this share of the variance of the examples.
+
+That stage decides what of the examples is shown; what it leaves out fits nowhere later. Where most joints hardly
+move, as fingers do, all patches differ by less than alpha, and a missing one would not be felt.
+"""
+
+
 def synthesise(
     pyramid: Pyramid,
     frames: int,
@@ -48,6 +56,7 @@ def synthesise(
     nearest: list[Tensor] = []
     before: Stage | None = None
     for stage in pyramid.stages[begin:]:
+        felt = complete(floors, stage, size) if stage is pyramid.stages[0] else floors
         guess = resize(guess, stage_length(frames, stage.scale, size), circular)
         guess = guidance.apply(guess, frames)
         places = guess.shape[1] if circular else guess.shape[1] - size + 1
@@ -55,11 +64,20 @@ def synthesise(
         if before is not None:
             nearest = [carried(n, old, new, places) for n, old, new in zip(nearest, before.parts, stage.parts)]
         for _ in range(options.iterations):
-            nearest = match(guess, stage, options, floors, circular, nearest)
+            nearest = match(guess, stage, options, felt, circular, nearest)
             guess = guidance.apply(put_together(nearest, stage, coverage, guess.shape[-1]), frames)
         before = stage
         advance()
     return nearest
+
+
+def complete(floors: Sequence[float | None], stage: Stage, patch_size: int) -> list[float | None]:
+    """The floors of the parts, lowered to where a patch of the stage that is missing is felt (`COARSEST_SHARE`)."""
+    variances = [float(part.frames.var(dim=0, unbiased=False).sum()) for part in stage.parts]
+    return [
+        None if floor is None else min(floor, COARSEST_SHARE * patch_size * variance)
+        for floor, variance in zip(floors, variances)
+    ]
 
 
 def match(
