@@ -60,11 +60,18 @@ def _sample(arguments: Sequence[str]) -> None:
     run(arguments)
 
 
+def _data(arguments: Sequence[str]) -> None:
+    from motiongen.commands.data import run
+
+    run(arguments)
+
+
 COMMANDS = {
     "sample": Command("make new motions from example clips (settings as key=value)", _sample),
     "info": Command("what is in a clip, and what is odd about it", _info),
     "convert": Command("change a clip's format, frame rate, unit or up axis", _convert),
     "render": Command("clips as a video, an animated GIF or a film strip", _render),
+    "data": Command("datasets of motion windows for training: import, info, pack, unpack", _data),
     "list": Command("the generators, file formats and constraints there are", _list),
 }
 

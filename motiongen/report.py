@@ -98,6 +98,7 @@ def make_report(
     syntheses: Sequence[Motion],
     run: Mapping[str, Any],
     metrics_rate: float = 30.0,
+    in_parts: bool = False,
 ) -> Report:
     """Measure syntheses against their examples.
 
@@ -106,16 +107,19 @@ def make_report(
         syntheses: the clips made, at one frame rate.
         run: how they were made, as plain data; versions of the packages at work are added.
         metrics_rate: rate in Hz at which quality is measured; jitter and steps mean nothing across rates.
+        in_parts: whether the examples know only a part of the character, so that there is nothing to compare poses to.
     """
     remarks = list(dict.fromkeys(f"{clip.name}: {note}" for clip in (*examples, *syntheses) for note in clip.notes))
     metrics = None
     try:
+        if in_parts or not examples:
+            raise MotionGenError("none of them knows the whole character" if in_parts else "there are none")
         metrics = one_clip_metrics(examples, syntheses)
     except MotionGenError as error:
         remarks.append(f"no metrics against the examples: {error}")
     rate = min(metrics_rate, *(clip.frame_rate for clip in (*examples, *syntheses)))
 
-    feet = foot_joints(list(examples))
+    feet = foot_joints(list(examples or syntheses))
 
     def measured(clips: Sequence[Motion]) -> dict[str, Quality]:
         return {name: measure_quality(clip.resample(rate), feet) for name, clip in zip(_unique_names(clips), clips)}

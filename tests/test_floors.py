@@ -62,16 +62,18 @@ FLOORS = {
 # Who may import a package from elsewhere when imported itself; anyone may inside a function. NumPy is for all.
 GENERATORS = ("motiongen.generators.genmm", "motiongen.generators.modi")
 PROGRAMS = ("train", "tools")
+HYDRA_COMMANDS = tuple(f"motiongen.commands.{name}" for name in ("sample", "hydra_app", "sweep", "sweep_plan"))
 OUTSIDE = {
     "numpy": ("motiongen", *PROGRAMS),
     "torch": (*GENERATORS, *PROGRAMS),
     "roma": ("motiongen.generators.modi", *PROGRAMS),
     "scipy": (*GENERATORS, *PROGRAMS),
-    "hydra": ("motiongen.commands.sample", "motiongen.commands.hydra_app", *PROGRAMS),
-    "omegaconf": ("motiongen.commands.sample", "motiongen.commands.hydra_app", *PROGRAMS),
+    "hydra": (*HYDRA_COMMANDS, *PROGRAMS),
+    "omegaconf": (*HYDRA_COMMANDS, *PROGRAMS),
     "PIL": ("motiongen.render", "motiongen.commands.render", *PROGRAMS),
     "viser": ("motiongen.web", *PROGRAMS),
     "bpy": ("motiongen.blender",),
+    "safetensors": PROGRAMS,
     "rich": PROGRAMS,
     "matplotlib": PROGRAMS,
     "tensorboard": PROGRAMS,

@@ -10,23 +10,32 @@ from pathlib import Path
 
 import hydra
 from hydra.core.config_store import ConfigStore
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import ConfigCompositionException, HydraException, MissingConfigException, OverrideParseException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from motiongen.assets import config_folder
+from motiongen.commands.inputs import is_pattern
+from motiongen.commands.sweep import register_sweeper
 from motiongen.errors import MotionGenError, nearest_of
 from motiongen.generators.registry import BUILT_IN, specs
 
 FLAGS = ("--help", "--hydra-help", "--version", "--cfg", "--resolve", "--package", "--multirun", "--info",
          "--experimental-rerun", "--config-path", "--config-name", "--config-dir", "--shell-completion")  # fmt: skip
 
+LAUNCHER_EXTRAS = {"joblib": "sweep", "ray": "ray"}
+
 
 def run_application(task: Callable[[DictConfig], None], config_name: str, arguments: Sequence[str]) -> None:
     """Compose `config_name` with the overrides in `arguments` and call `task` with the result.
 
+    With `-m` the task runs once for each combination of values (see `sweep`), perhaps in another process.
+
     Args:
-        task: what to do with the composed configuration.
+        task: what to do with the composed configuration; a function that other processes can import. The file
+            `sweep.COMPLETE`, with the text of `sweep.composed_text`, is the last that it writes into its folder.
         config_name: the primary configuration, without suffix.
         arguments: overrides (key=value) and Hydra's own flags.
 
@@ -36,14 +45,16 @@ def run_application(task: Callable[[DictConfig], None], config_name: str, argume
     _refuse_unknown_flags(arguments, config_name)
     _offer_plug_ins()
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # exceptions come through, for us to put in words
-    failures: list[MotionGenError] = []
+    register_sweeper()
+    mistakes: list[MotionGenError] = []
 
     def collecting(config: DictConfig) -> None:
-        # Raised through Hydra, a mistake would be printed by it as well, and would end a sweep at its first failure.
         try:
             task(config)
         except MotionGenError as error:
-            failures.append(error)
+            if HydraConfig.get().mode is RunMode.MULTIRUN:
+                raise  # into the sweep, which knows what to do with it
+            mistakes.append(error)  # raised through Hydra, it would be printed by it as well
 
     application = hydra.main(version_base="1.3", config_path=str(config_folder()), config_name=config_name)(collecting)
     before = sys.argv
@@ -61,10 +72,8 @@ def run_application(task: Callable[[DictConfig], None], config_name: str, argume
             raise
     finally:
         sys.argv = before
-    if len(failures) > 1:
-        raise MotionGenError(f"{len(failures)} runs of the sweep failed, the first with: {failures[0]}")
-    if failures:
-        raise failures[0]
+    if mistakes:
+        raise mistakes[0]
 
 
 def _refuse_unknown_flags(arguments: Sequence[str], config_name: str) -> None:
@@ -92,7 +101,8 @@ def _quoted(argument: str) -> str:
     plain = re.fullmatch(r"[\w./~+-]*", value) is not None
     if not equals or plain or key not in ("input", "output") or value[0] in "[{'\"" or "${" in value:
         return argument
-    if key == "input" and not Path(value).exists():
+    is_list = "," in value or "(" in value  # as far as one can tell where no such file exists
+    if key == "input" and not Path(value).exists() and (is_list or not is_pattern(value)):
         return argument
     escaped = value.replace("\\", "\\\\").replace("'", "\\'")
     return f"{key}='{escaped}'"
@@ -103,6 +113,9 @@ def _explained(error: Exception, config_name: str, choices: Sequence[str]) -> st
     if isinstance(error, MissingConfigException) and error.missing_cfg_file is not None:
         group, _, choice = error.missing_cfg_file.rpartition("/")
         options = list(error.options or [])
+        if group == "hydra/launcher" and choice in LAUNCHER_EXTRAS:
+            extra = f"needs the extra '{LAUNCHER_EXTRAS[choice]}': pip install 'motiongen[{LAUNCHER_EXTRAS[choice]}]'"
+            return f"{group}={choice} {extra}; without it, the runs of a sweep go one after the other"
         near = nearest_of(choice, options) or ";"
         return f"there is no {group or 'configuration'} '{choice}'{near} there are {', '.join(options) or 'none'}"
     if isinstance(error, OverrideParseException):

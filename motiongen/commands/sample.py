@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from motiongen import io
-from motiongen.assets import EXAMPLE_CLIP
 from motiongen.commands.constraint_settings import Material, read_constraints
 from motiongen.commands.hydra_app import run_application
+from motiongen.commands.inputs import Inputs, load_examples, read_input
+from motiongen.commands.sweep import COMPLETE, composed_text
 from motiongen.console import progress_bar
 from motiongen.errors import MotionGenError
 from motiongen.files import atomic_write
@@ -34,7 +37,7 @@ PREVIEWS = ("auto", "mp4", "gif", "none")
 class Request:
     """A composed configuration, checked: everything `motiongen sample` needs to start."""
 
-    clips: tuple[Path, ...]
+    inputs: Inputs
     up: str | None
     unit: str | None
     spec: GeneratorSpec
@@ -46,6 +49,7 @@ class Request:
     preview: str
     preview_count: int
     preview_seconds: float
+    preview_rate: float
     constraints: Mapping[str, Mapping[str, Any]]
 
 
@@ -60,10 +64,10 @@ def hydra_application(arguments: Sequence[str]) -> None:
 
 
 def _task(config: DictConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
+    hydra = HydraConfig.get()
+    folder = Path(hydra.runtime.output_dir)
     try:
-        request = read_request(config)
-        _sample(request, folder, OmegaConf.to_yaml(config, resolve=True))
+        _sample(read_request(config), folder, composed_text(config), alone=hydra.mode is not RunMode.MULTIRUN)
     except BaseException:
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()  # Hydra has made it; a run that came to nothing leaves nothing
@@ -83,7 +87,7 @@ def read_request(config: DictConfig) -> Request:
     formats = [suffix.lstrip(".") for suffix in io.formats()]
     frames = values["frames"]
     return Request(
-        clips=_clips(values["input"]),
+        inputs=read_input(values["input"], needed=not spec.needs_training),
         up=_choice("up", values["up"], (None, *UP_AXES)),
         unit=_choice("unit", values["unit"], (None, *METRES_PER_UNIT)),
         spec=spec,
@@ -95,33 +99,35 @@ def read_request(config: DictConfig) -> Request:
         preview=_preview(values["preview"]),
         preview_count=_whole("preview_count", values["preview_count"], 0),
         preview_seconds=_positive("preview_seconds", values["preview_seconds"]),
+        preview_rate=_positive("preview_rate", values["preview_rate"]),
         constraints=constraints,
     )
 
 
-def _sample(request: Request, folder: Path, composed: str) -> None:
-    examples = [io.load(path, up=request.up, unit=request.unit) for path in request.clips]
+def _sample(request: Request, folder: Path, composed: str, alone: bool) -> None:
+    given = load_examples(request.inputs, request.up, request.unit)
+    examples = given.body
     begun = time.perf_counter()
-    generator = request.spec.create(request.options).fit(examples)
+    generator = request.spec.create(request.options)
+    if given.clips:
+        generator.fit(given.clips)
     fitted = time.perf_counter()
     material = Material(examples, generator.frame_rate, request.up, request.unit)
-    constraints = read_constraints(request.constraints, material)
-    frames = request.frames or _default_frames(examples, generator, constraints)
-    with progress_bar("sampling") as progress:
+    constraints = [*read_constraints(request.constraints, material), *given.constraints]
+    frames = request.frames or _default_frames(generator, constraints)
+    with _watched("sampling", alone) as progress:
         motions = generator.sample(frames, request.count, request.seed, constraints, progress)
     sampled = time.perf_counter()
-    written = []
-    for motion in motions:
-        written.append(folder / f"{motion.name}.{request.format}")
-        motion.save(written[-1])
-    written.append(folder / "config.yaml")
-    with atomic_write(written[-1]) as file:
-        file.write(composed.encode())
+    complete = folder / COMPLETE
+    complete.unlink(missing_ok=True)  # an earlier run's; what follows replaces its files one by one
+    written = [folder / f"{motion.name}.{request.format}" for motion in motions]
+    for motion, path in zip(motions, written):
+        motion.save(path)
     run = {
         "settings": list(HydraConfig.get().overrides.task),
         "generator": request.spec.name,
         "options": request.options.to_dict(),
-        "examples": [clip.name for clip in examples],
+        "examples": [clip.name for clip in given.clips],
         "constraints": list(request.constraints),
         "frames": frames,
         "frame_rate_hz": generator.frame_rate,
@@ -130,32 +136,50 @@ def _sample(request: Request, folder: Path, composed: str) -> None:
         "fit_seconds": fitted - begun,
         "sample_seconds": sampled - fitted,
     }
-    pictures = _draw(request, examples, motions, folder)
+    pictures = _draw(request, examples, motions, folder, alone)
     from motiongen.report import make_report
 
-    report = make_report(examples, motions, run)
+    report = make_report(examples, motions, run, in_parts=bool(given.constraints))
     pages = report.save(folder)
-    _summarise(report, sampled - fitted, folder, [*written, *pictures, *pages])
+    with atomic_write(complete) as file:
+        file.write(composed.encode())
+    if alone:
+        _summarise(report, sampled - fitted, folder, [*written, *pictures, *pages, complete])
 
 
-def _draw(request: Request, examples: Sequence[Motion], motions: Sequence[Motion], folder: Path) -> list[Path]:
+def _watched(what: str, alone: bool) -> AbstractContextManager[Callable[[float], None]]:
+    """A progress bar, but not for each of a sweep's runs, which share a terminal."""
+    return progress_bar(what) if alone else nullcontext(lambda share: None)
+
+
+def _draw(
+    request: Request, examples: Sequence[Motion], motions: Sequence[Motion], folder: Path, alone: bool
+) -> list[Path]:
     if request.preview == "none" or request.preview_count == 0:
         return []
     from motiongen.render import render_clips
 
-    shown = [examples[0], *motions[: request.preview_count]]
-    labels = ["example", *(motion.name.replace("_", " ") for motion in shown[1:])]
+    shown = [*examples[:1], *motions[: request.preview_count]]
+    labels = ["example"] * len(examples[:1]) + [motion.name.replace("_", " ") for motion in motions]
     pictures = [folder / f"preview.{request.preview}", folder / "film_strip.png"]
-    with progress_bar("drawing") as progress:
+    with _watched("drawing", alone) as progress:
         for picture in pictures:
-            render_clips(shown, picture, labels=labels, seconds=request.preview_seconds, progress=progress)
+            render_clips(
+                shown,
+                picture,
+                labels=labels[: len(shown)],
+                frame_rate=None if picture.suffix == ".png" else request.preview_rate,
+                seconds=request.preview_seconds,
+                progress=progress,
+            )
     return pictures
 
 
 def _summarise(report: Report, seconds: float, folder: Path, files: Sequence[Path]) -> None:
     run, metrics = report.run, report.metrics
+    source = ", ".join(run["examples"]) or "a checkpoint"
     print(
-        f"{run['count']} x {run['frames']} frames at {run['frame_rate_hz']:g} Hz from {', '.join(run['examples'])} "
+        f"{run['count']} x {run['frames']} frames at {run['frame_rate_hz']:g} Hz from {source} "
         f"in {seconds:.2f} s, seed {run['seed']}"
     )
     if metrics is not None:
@@ -167,8 +191,8 @@ def _summarise(report: Report, seconds: float, folder: Path, files: Sequence[Pat
         print(f"  from an earlier run, left as they were: {', '.join(stale)}")
 
 
-def _default_frames(examples: Sequence[Motion], generator: Generator, constraints: Sequence[Constraint]) -> int:
-    """As many as a constraint says, else twice the examples' length, in frames at the generator's rate."""
+def _default_frames(generator: Generator, constraints: Sequence[Constraint]) -> int:
+    """As many as a constraint says, else as many as the generator usually makes, at its rate."""
     for constraint in constraints:
         if isinstance(constraint, Segment):
             return len(constraint.motion)
@@ -178,7 +202,7 @@ def _default_frames(examples: Sequence[Motion], generator: Generator, constraint
             return len(constraint.motion.resample(generator.frame_rate))
         if isinstance(constraint, Style):
             return len(constraint.content.resample(generator.frame_rate))
-    return round(2 * sum(len(clip) * generator.frame_rate / clip.frame_rate for clip in examples))
+    return generator.usual_frames
 
 
 def _constraints(config: DictConfig) -> dict[str, dict[str, Any]]:
@@ -187,26 +211,6 @@ def _constraints(config: DictConfig) -> dict[str, dict[str, Any]]:
             if OmegaConf.is_missing(values, key):
                 raise MotionGenError(f"constraint={kind} needs constraints.{kind}.{key}=...; see configs/constraint")
     return cast(dict[str, dict[str, Any]], OmegaConf.to_container(config.constraints))
-
-
-def _clips(given: Any) -> tuple[Path, ...]:
-    """The paths of the examples: files as they are, folders as the clips in them."""
-    if given is None:
-        return (EXAMPLE_CLIP,)
-    entries = given if isinstance(given, list) else [given]
-    paths: list[Path] = []
-    for entry in entries:
-        path = Path(str(entry)).expanduser()
-        if path.is_dir():
-            inside = sorted(p for p in path.iterdir() if p.suffix.lower() in io.formats())
-            if not inside:
-                raise MotionGenError(f"folder '{path}' holds no clip; the formats are {', '.join(io.formats())}")
-            paths += inside
-        else:
-            paths.append(path)
-    if not paths:
-        raise MotionGenError("input is an empty list; name at least one clip, or leave it out for the bundled one")
-    return tuple(paths)
 
 
 def _whole(name: str, value: Any, least: int) -> int:

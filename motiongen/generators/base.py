@@ -14,6 +14,7 @@ from motiongen.features import layout_of
 from motiongen.generators.constraints import Constraint
 from motiongen.generators.options import Options
 from motiongen.motion import Motion
+from motiongen.skeleton import Skeleton
 
 if TYPE_CHECKING:
     import torch
@@ -28,7 +29,7 @@ class Capabilities:
 
     Attributes:
         constraints: the constraint types that it takes.
-        needs_training: whether it works from a trained checkpoint; if not, `fit` with examples is all it needs.
+        needs_training: whether it works from a trained checkpoint, without examples; if not, `fit` is all it needs.
         has_latent_space: whether it is a `LatentGenerator`.
     """
 
@@ -68,9 +69,23 @@ class Generator(abc.ABC):
         return self._examples
 
     @property
+    def skeleton(self) -> Skeleton:
+        """The skeleton of what `sample` returns: that of the examples, or one that the generator was trained on.
+
+        Raises:
+            MotionGenError: if it takes examples and has none yet.
+        """
+        return self.examples[0].skeleton
+
+    @property
     @abc.abstractmethod
     def frame_rate(self) -> float:
-        """Frame rate in Hz of what `sample` returns; known after `fit`."""
+        """Frame rate in Hz of what `sample` returns; known after `fit`, or from the start for a trained generator."""
+
+    @property
+    def usual_frames(self) -> int:
+        """How many frames a motion has where nobody says: twice the examples' length, at this generator's rate."""
+        return round(2 * sum(len(clip) * self.frame_rate / clip.frame_rate for clip in self.examples))
 
     def fit(self, motions: Sequence[Motion]) -> Generator:
         """Take the examples: clips of one skeleton. Returns self.
@@ -103,7 +118,7 @@ class Generator(abc.ABC):
         Raises:
             MotionGenError: if a number is out of range, or a constraint is not supported or does not fit.
         """
-        skeleton = self.examples[0].skeleton
+        skeleton = self.skeleton
         for name, value, least in (("frames", frames, 1), ("count", count, 1)):
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
                 raise MotionGenError(f"{name} must be a whole number of at least {least}, not {value!r}")

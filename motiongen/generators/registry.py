@@ -47,6 +47,12 @@ class GeneratorSpec:
         """The factory; for most generators their class, which knows its capabilities."""
         return self._resolve(self.factory)
 
+    @property
+    def needs_training(self) -> bool:
+        """Whether it works from a trained checkpoint, without examples."""
+        capabilities = getattr(self.generator_type(), "capabilities", None)
+        return capabilities is not None and bool(capabilities.needs_training)
+
     def create(self, options: Options) -> Generator:
         """A new generator with `options`."""
         generator: Generator = self.generator_type()(options)
@@ -68,6 +74,12 @@ BUILT_IN = (
         description="Generative motion matching: new motion from one or a few clips of any skeleton, without training.",
         options="motiongen.generators.genmm.options:GenMMOptions",
         factory="motiongen.generators.genmm.generator:GenMM",
+    ),
+    GeneratorSpec(
+        name="modi",
+        description="MoDi: motions like those of a whole data set, from a trained network with a latent space.",
+        options="motiongen.generators.modi.options:ModiOptions",
+        factory="motiongen.generators.modi.generator:MoDi",
     ),
 )
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import tokenize
 import zipfile
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -37,8 +38,10 @@ MEMBERS = {
 """The members of the archive and their types."""
 
 # What Python's and NumPy's readers raise on damaged archives, headers and JSON. RuntimeError covers encrypted members,
-# JSON nested without end and, as NotImplementedError, the compressions of other zip programs.
-_DAMAGE = (zipfile.BadZipFile, ValueError, KeyError, TypeError, EOFError, RuntimeError, OverflowError, OSError)
+# JSON nested without end and, as NotImplementedError, the compressions of other zip programs; the header of an array is
+# read as Python text, hence TokenError and SyntaxError.
+_DAMAGE = (zipfile.BadZipFile, ValueError, KeyError, TypeError, EOFError, RuntimeError, OverflowError, OSError,
+           tokenize.TokenError, SyntaxError)  # fmt: skip
 
 
 def write_npz(motion: Motion, path: Path) -> None:

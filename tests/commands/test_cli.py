@@ -72,7 +72,7 @@ def test_what_should_answer_at_once_imports_nothing_heavy(arguments: list[str]) 
         (["sample", "preview=avi"], ["preview must be one of auto, mp4, gif, none", "'avi'"]),
         (["sample", "up=x"], ["up must be one of null, y, z", "'x'"]),
         (["sample", "input=nothing.bvh"], ["nothing.bvh", "no such file"]),
-        (["sample", "input=[]"], ["empty list"]),
+        (["sample", "input=[]"], ["names no clip"]),
         (["sample", "--frames", "3"], ["key=value", "no flag '--frames'"]),
     ],
 )
@@ -158,5 +158,5 @@ def test_completion_knows_commands_and_settings(
     assert complete("motiongen ") == list(COMMANDS)
     assert complete("motiongen sa") == ["sample"]
     assert "frames=" in complete("motiongen sample ")
-    assert complete("motiongen sample generator=") == ["generator=genmm"]
+    assert complete("motiongen sample generator=") == ["generator=genmm", "generator=modi"]
     assert "generator.alpha=" in complete("motiongen sample generator.a")

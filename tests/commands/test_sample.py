@@ -92,22 +92,6 @@ def test_the_saved_configuration_repeats_the_run(clips: list[Path], tmp_path: Pa
     assert (first / "sample_0000.bvh").read_bytes() == (second / "sample_0000.bvh").read_bytes()
 
 
-def test_a_sweep_makes_a_folder_for_each_run(clips: list[Path], tmp_path: Path) -> None:
-    out = tmp_path / "sweep"
-    assert sample("-m", f"input={clips[1]}", "frames=20", "count=1", "seed=0,1,2", f"output={out}") == 0
-    assert len({(out / str(i) / "sample_0000.bvh").read_bytes() for i in range(3)}) == 3
-
-
-def test_a_sweep_goes_on_past_a_run_that_fails(
-    clips: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "sweep"
-    arguments = ["-m", f"input={clips[1]}", "frames=20", "count=1", "generator.patch_size=11,200,300", f"output={out}"]
-    assert sample(*arguments) == 2
-    assert (out / "0" / "sample_0000.bvh").exists()
-    assert "2 runs of the sweep failed, the first with: 'c' has 80 frames" in capsys.readouterr().err
-
-
 def test_results_can_be_npz_and_a_preview_a_gif(clips: list[Path], tmp_path: Path) -> None:
     arguments = [f"input={clips[1]}", "frames=20", "count=2", "format=npz", "preview=gif", f"output={tmp_path / 'o'}"]
     assert main(["sample", *map(str, arguments)]) == 0
@@ -124,21 +108,37 @@ def test_an_earlier_runs_motions_are_named_not_removed(
     assert "from an earlier run, left as they were: sample_0001.bvh, sample_0002.bvh" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("path", sorted(config_folder().glob("*.yaml")), ids=lambda path: path.stem)
-def test_every_configuration_composes_with_every_choice(path: Path) -> None:
+CONFIGURATIONS = {"sample": ("generator", "constraint"), "train": ("generator", "network", "trainer", "experiment")}
+"""The groups of choices that each has."""
+
+
+def test_every_configuration_and_every_group_is_known() -> None:
+    assert {path.stem for path in config_folder().glob("*.yaml")} == set(CONFIGURATIONS)
+    groups = {path.name for path in config_folder().iterdir() if path.is_dir() and path.name != "hydra"}
+    assert groups == {group for groups in CONFIGURATIONS.values() for group in groups}
+
+
+@pytest.mark.parametrize(
+    ("name", "group"), [(name, group) for name, groups in CONFIGURATIONS.items() for group in groups]
+)
+def test_every_configuration_composes_with_every_choice(name: str, group: str) -> None:
     import hydra
 
-    groups = {
-        group.name: [p.stem for p in group.glob("*.yaml")] for group in config_folder().iterdir() if group.is_dir()
-    }
+    choices = [path.stem for path in (config_folder() / group).glob("*.yaml")]
+    assert choices
     with hydra.initialize_config_dir(str(config_folder().resolve()), version_base="1.3"):
-        for group, choices in groups.items():
-            for choice in choices:
-                config = hydra.compose(path.stem, overrides=[f"{group}={choice}"])
-                if group == "constraint":  # these fill `constraints`
-                    assert list(config.constraints) == [choice]
-                else:
-                    assert config[group]["name"] == choice
+        plain = hydra.compose(name)
+        for choice in choices:
+            config = hydra.compose(name, overrides=[f"{group}={choice}"])
+            if group == "constraint":  # these fill `constraints`
+                assert list(config.constraints) == [choice]
+            elif group == "generator":
+                assert config.generator.name == choice
+            elif group == "experiment":  # these change `network`
+                assert config.network.keys() == plain.network.keys()
+                assert config.network != plain.network
+            else:
+                assert config[group].keys() == plain[group].keys()
 
 
 def test_help_and_job_show_the_settings(capsys: pytest.CaptureFixture[str]) -> None:
@@ -147,3 +147,33 @@ def test_help_and_job_show_the_settings(capsys: pytest.CaptureFixture[str]) -> N
         out = capsys.readouterr().out
         assert "patch_size: 11" in out
         assert "frames: null" in out
+
+
+def test_parts_of_two_characters_make_one(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    for name, joints in (("body", 6), ("tail", 4)):
+        motion = random_motion(rng, random_skeleton(rng, joints), frames=60, translating=(0,), smooth=True, name=name)
+        motion.save(tmp_path / f"{name}.bvh")
+    body, tail = (mg.load(tmp_path / f"{name}.bvh", up="y") for name in ("body", "tail"))
+    top = tail.skeleton.names[tail.skeleton.children[0][0]]
+    part = f"{{clips: {tmp_path}/tail.bvh, joints: {top}, attach: {body.skeleton.names[2]}, prefix: tail_}}"
+    settings = ["up=y", "frames=70", "count=1", f"output={tmp_path / 'o'}"]
+    assert sample(f"input=[{tmp_path}/body.bvh,{part}]", *settings) == 0
+    made = mg.load(tmp_path / "o" / "sample_0000.bvh", up="y")
+    assert set(made.skeleton.names) >= {*body.skeleton.names, f"tail_{top}"}
+    assert "none of them knows the whole character" in (tmp_path / "o" / "report.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        ("{clips: a.bvh, joint: Head}", ["no setting 'joint'", "did you mean 'joints'"]),
+        ("{joints: Head}", ["needs clips"]),
+    ],
+)
+def test_a_part_that_says_the_wrong_thing_is_refused(
+    clips: list[Path], part: str, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert sample(f"input=[{clips[1]},{part}]") == 2
+    said = capsys.readouterr().err
+    assert all(word in said for word in words)

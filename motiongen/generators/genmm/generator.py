@@ -30,6 +30,7 @@ from motiongen.generators.constraints import (
     Segment,
     Style,
 )
+from motiongen.generators.devices import torch_device
 from motiongen.generators.genmm.basis import principal_axes
 from motiongen.generators.genmm.blending import assemble, blend
 from motiongen.generators.genmm.guidance import Guidance
@@ -67,7 +68,7 @@ class GenMM(Generator):
     def __init__(self, options: GenMMOptions) -> None:
         """Take the options; refuses a device that torch does not have."""
         super().__init__(options)
-        self.device = _device(options.device)
+        self.device = torch_device(options.device)
         self._layout: FeatureLayout
         self._examples_weighted: list[Tensor]
         self._native_examples: tuple[Motion, ...]
@@ -316,13 +317,3 @@ def _quickest_turn(motion: Motion) -> float:
     world = motion.world_rotations[:, motion.root]
     between = rot.multiply(world[1:], rot.inverse(world[:-1]))
     return float(np.abs(rot.to_rotation_vector(rot.heading(between))[:, 1]).max(initial=0.0))
-
-
-def _device(name: str) -> torch.device:
-    try:
-        device = torch.device(name)
-        torch.empty(0, device=device)
-    except (RuntimeError, AssertionError) as error:
-        reason = str(error).splitlines()[0]
-        raise MotionGenError(f"device '{name}' cannot be used: {reason}; use cpu") from error
-    return device
