@@ -1,8 +1,8 @@
 """Foot clean-up before and after: `python -m tools.bench_ik FOLDER [--seeds 4]`.
 
 FOLDER holds real clips (`characters/`, and `bandai-namco/dataset-1.tar.xz`); those that are not there are left out, and
-the bundled clip is always in. Each is cleaned itself, and GenMM makes motions of it, twice as long, from seeds 0, 1, 2,
-..., with its option `standing_feet` on free (the synthesis as it comes), still and example. Markdown tables are printed:
+the bundled clip is always in. Each is cleaned itself, and GenMM makes motions of it, twice as long, from seeds 0 on,
+with its option `standing_feet` on free (the synthesis as it comes), still and example. Markdown tables are printed:
 means over the seeds for what is a mean, and the worst of all seeds for what is a largest.
 """
 

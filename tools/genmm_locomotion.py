@@ -44,23 +44,29 @@ PATHS = {
     "right angle": [[0, 0], [0, 3], [0, 3], [3, 3]],
 }  # fmt: skip
 
+TURNS = ("dataset-2_walk-turn-left_normal_002", "dataset-2_walk-turn-right_normal_002")
 ARCHIVED = ("dataset-1_walk_normal_001", "dataset-1_walk-left_normal_001", "dataset-2_run_normal_003")
 
 
+def archived_clips(folder: Path, names: Sequence[str]) -> dict[str, mg.Motion]:
+    """Clips of the archives in `folder/bandai-namco`, each archive read once."""
+    clips = {}
+    with tempfile.TemporaryDirectory() as place:
+        for archive in sorted({name.split("_")[0] for name in names}):
+            with tarfile.open(folder / "bandai-namco" / f"{archive}.tar.xz") as files:
+                for member in files:
+                    if (name := Path(member.name).stem) in names and (content := files.extractfile(member)):
+                        path = Path(place, f"{name}.bvh")
+                        path.write_bytes(content.read())
+                        clips[name] = mg.load(path)
+    return {name: clips[name] for name in names}
+
+
 def clips_in(folder: Path) -> Iterator[mg.Motion]:
-    """The clips of the tables that are there."""
+    """The clips of the tables."""
     for name in ("Walk-In-Circle", "xia-normal-walk"):
         yield mg.load(folder / "characters" / f"{name}.bvh")
-    for name in ARCHIVED:
-        with tempfile.TemporaryDirectory() as place:
-            archive = folder / "bandai-namco" / f"{name.split('_')[0]}.tar.xz"
-            with tarfile.open(archive) as files:
-                member = next(each for each in files if Path(each.name).stem == name)
-                content = files.extractfile(member)
-                assert content is not None
-                path = Path(place, f"{name}.bvh")
-                path.write_bytes(content.read())
-            yield mg.load(path)
+    yield from archived_clips(folder, ARCHIVED).values()
 
 
 # -- along paths
@@ -82,14 +88,13 @@ def along(clip: mg.Motion) -> Iterator[list[str]]:
         (f"**{clip.name}** ({clip.frame_rate:g} Hz)", [clip]),
         ("no path", generator.sample(frames, SEEDS)),
     ):
-        slips = (slip(motion, feet, contact_labels(motion, feet)) for motion in motions)
         yield [
             name,
             "",
             "",
             "",
             mean(foot_skate(motion, feet) for motion in motions),
-            mean(slips),
+            mean(slip(motion, feet, contact_labels(motion, feet)) for motion in motions),
             *steadiness(motions),
             "",
         ]
@@ -184,10 +189,11 @@ def frechet(one: Array, other: Array) -> float:
     return float(reach[-1, -1])
 
 
-def own_ways(clip: mg.Motion, count: int) -> tuple[list[str], list[Array]]:
-    """How far apart the ways of an example and of its syntheses are; the ways themselves."""
-    motions = mg.create("genmm").fit([clip]).sample(2 * len(clip), count)
-    ways = [way(motion, len(clip))[:: max(1, len(clip) // 150)] for motion in (clip, *motions)]
+def own_ways(examples: Sequence[mg.Motion], count: int) -> tuple[list[str], list[Array]]:
+    """How far apart the ways of the first example and of syntheses are; the ways of all examples, then of those."""
+    first = examples[0]
+    motions = mg.create("genmm").fit(examples).sample(2 * sum(map(len, examples)), count)
+    ways = [way(motion, len(first))[:: max(1, len(first) // 150)] for motion in (first, *motions)]
     pairs = [(a, b) for a in range(1, count + 1) for b in range(a + 1, count + 1)]
 
     def figures(pairs: list[tuple[int, int]]) -> str:
@@ -196,26 +202,29 @@ def own_ways(clip: mg.Motion, count: int) -> tuple[list[str], list[Array]]:
         return f"{np.mean(means):.2f} (least {min(means):.2f}), {np.mean(leashes):.2f} (least {min(leashes):.2f})"
 
     size = " x ".join(f"{side:.1f}" for side in np.ptp(ways[0], axis=0))
-    cells = [clip.name, size, figures([(0, k) for k in range(1, count + 1)]), figures(pairs)]
-    return cells, [way(motion, len(motion)) for motion in (clip, *motions)]
+    names = " and ".join(example.name for example in examples)
+    cells = [names, size, figures([(0, k) for k in range(1, count + 1)]), figures(pairs)]
+    return cells, [way(motion, len(motion)) for motion in (*examples, *motions)]
 
 
 # -- the page
 
 
-def picture(ways: Sequence[Array], clip: mg.Motion, generator: Generator) -> bytes:
-    """PNG: ways of an example and its syntheses from above, and walks along the paths."""
+def picture(ways: Sequence[Array], clip: mg.Motion) -> bytes:
+    """PNG: ways of examples and of six syntheses from above, and of another clip along the paths."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(2, 7, figsize=(17.5, 6.2), gridspec_kw={"height_ratios": [1.3, 1]})
-    for axis, places, title in zip(axes[0], ways, ["example", *(f"synthesis {k}" for k in range(1, 7))]):
-        axis.plot(*places.T, color="#c44e52" if title == "example" else "#4c72b0", lw=1.4)
+    examples = len(ways) - 6
+    for number, places in enumerate(ways):
+        axis = axes[0, max(0, number - examples + 1)]
+        axis.plot(*places.T, color="#c44e52" if number < examples else "#4c72b0", lw=1.4)
         axis.plot(*places[0], "o", color="black", ms=4)
-        axis.set_title(title, fontsize=10)
-    height = clip.skeleton.height
+        axis.set_title("examples" if number < examples else f"synthesis {number - examples}", fontsize=10)
+    generator, height = mg.create("genmm").fit([clip]), clip.skeleton.height
     for axis in axes[1]:
         axis.axis("off")
     for axis, (title, points) in zip(axes[1], PATHS.items()):
@@ -229,10 +238,8 @@ def picture(ways: Sequence[Array], clip: mg.Motion, generator: Generator) -> byt
         axis.set_title(title, fontsize=10)
     for axis in axes.flat:
         axis.set_aspect("equal", adjustable="datalim")
+        axis.invert_xaxis()  # seen from above with +z upwards, +x is to the left
         axis.tick_params(labelsize=7)
-    figure.suptitle(
-        f"{clip.name} from above, in heights: ways of their own; the root (blue) along paths (grey)", fontsize=11
-    )
     figure.tight_layout()
     file = io.BytesIO()
     figure.savefig(file, dpi=70)
@@ -249,9 +256,9 @@ heights, steps per frame.
 {seconds:g} seconds, {seeds} seeds. *Off path*: the line that the body sways about, mean and largest distance from the
 curve through the points; beside it the root itself, sway and all. Corners are rounded, and the wider, the faster the
 body goes. *Pace*: how fast it is played to arrive in time; where the path is too long or too short, its own.
-*Skate* is `quality.foot_skate`, *slip* the speed of feet while they stand; both before and after the clean-up of the
-feet, and with the example's own and those of syntheses without a path (not cleaned) in the first two rows. *Coverage*
-is of the straightened example.
+*Skate* is `quality.foot_skate`, *slip* the speed of feet while they stand; both as the motion is laid along the path,
+and after its feet are put back where they stood; the example's own and those of syntheses without a path are in the
+first two rows. *Coverage* is of the straightened example.
 
 {along}
 
@@ -262,12 +269,16 @@ joint in a frame.
 
 ## Ways of their own (Fig. 11)
 
-No path is given; sequences twice as long as the example. Ways are set out from one place in one direction and compared
-over the length of the example: mean distance at the same time, and discrete Fréchet distance.
+No path is given; sequences twice as long as the examples. Ways are set out from one place in one direction and compared
+over the length of the first example: mean distance at the same time, and discrete Fréchet distance.
 
 {ways}
 
 ![Ways from above](locomotion.png)
+
+*From above, in heights. Upper row: a walk, a turn to either side, and where six syntheses of these three went, from the
+black dot. Lower row: the walk's root (blue) along paths (grey) through points (red); its sway is part of the walk. The
+clips are from the Bandai-Namco Research Motion Dataset 1 and 2 (CC BY-NC 4.0).*
 
 ## Without end (`GenMM.stream`)
 
@@ -276,6 +287,22 @@ over the length of the example: mean distance at the same time, and discrete Fr�
 {stream}
 
 Python and NumPy hold {begun:.2f} MB after 10 chunks of {bundled} and {ended:.2f} MB after {many}.
+
+## What the figures say
+
+- The line that the body sways about keeps to the path: walks to within two hundredths of a height on curves and four at
+  a right angle; the run, whose curves are rounded wider, to within a tenth.
+- Feet that stand slip less along every path than the example's own do, and less than half as much on nearly all.
+  Skate, which also counts feet that are about to land or to leave, is the example's own or below it for three of the
+  walks; for xia-normal-walk (0.05 to 0.07 against 0.03) and for the run it is higher.
+- Feet that are held and then let go catch up: the largest way of a joint in a frame lies above the example's, in most
+  rows by a tenth to a half. The clip at 120 Hz has three to four times its example's jitter.
+- Walking about, no two seeds and no seed and example go the same way. Directions other than the examples' come about
+  where turns are cut short or strung together.
+- Streams step no further at the borders of chunks than inside them, and memory stays as it is. Inside, one stream
+  (cmu_01_01, 10 s) has a step of two and a half times the example's largest: once in five minutes the body swings round
+  in a frame or two. Patch distances are those of motions with feet that are held, which turn the legs away from the
+  example's; `standing_feet=free` has the lower ones.
 """
 
 
@@ -294,11 +321,11 @@ def main() -> None:
     rows = [heading, *(row for clip in clips for row in along(clip))]
     seams = [["clip", "seam", "inside", "notes of the last one"]]
     seams += [patrols(clip, mg.create("genmm").fit([clip])) for clip in clips[:3]]
-    cells, ways = own_ways(circle, 6)
-    ways_heading = ["clip", "example's room", "from the example: mean, Fréchet", "between seeds: mean, Fréchet"]
+    bundled, walk = mg.load(EXAMPLE_CLIP), clips[2]
+    turning = [walk, *archived_clips(options.folder, TURNS).values()]
+    cells, ways = own_ways(turning, 6)
+    ways_heading = ["clips", "first example's room", "from the example: mean, Fréchet", "between seeds: mean, Fréchet"]
     salsa = mg.load(options.folder / "characters" / "Salsa-Dancing-6.bvh")
-    bundled = mg.load(EXAMPLE_CLIP)
-    others = [own_ways(bundled, 6)[0]]
     many = 4 * options.chunks
     begun, ended = bench_stream.memory_held(bundled, many)
     page = PAGE.format(
@@ -307,15 +334,15 @@ def main() -> None:
         seeds=SEEDS,
         along="\n".join(markdown_table(rows)),
         patrols="\n".join(markdown_table(seams)),
-        ways="\n".join(markdown_table([ways_heading, cells, *others])),
+        ways="\n".join(markdown_table([ways_heading, own_ways([circle], 6)[0], own_ways([bundled], 6)[0], cells])),
         chunks=options.chunks,
-        stream="\n".join(bench_stream.table([salsa, bundled, circle, clips[2]], [5.0, 10.0], options.chunks)),
+        stream="\n".join(bench_stream.table([salsa, bundled, circle, walk], [5.0, 10.0], options.chunks)),
         begun=begun,
         ended=ended,
         bundled=bundled.name,
         many=many,
     )
-    image = picture(ways, circle, mg.create("genmm").fit([circle]))
+    image = picture(ways, walk)
     for name, content in (("locomotion.md", page.encode()), ("locomotion.png", image)):
         with atomic_write(options.output / name) as file:
             file.write(content)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 from motiongen.render.camera import NEAR
-from motiongen.render.figure import LEFT, MIDDLE, RIGHT, Figure
+from motiongen.render.figure import LEFT, MARKED, MIDDLE, RIGHT, Figure
 from motiongen.render.palette import BACKDROP, GROUND, PATH, SHADOW, SIDES, STILL, Colour, mix
 
 Array = NDArray[np.float64]
@@ -88,8 +88,8 @@ def paint_figure(
     depth = np.concatenate([(depths[upper] + depths[lower]) / 2, ball_depths - figure.ball_radii])
     pale = np.clip(0.3 + (depth - depths[figure.root]) / 1.2, 0, 1) * 0.5
 
-    sides = np.concatenate([figure.sides, np.full(len(figure.balls), MIDDLE)])
-    hues = np.array([STILL if still else SIDES[side] for side in (MIDDLE, LEFT, RIGHT)])[sides]
+    sides = np.concatenate([figure.sides, figure.ball_sides])
+    hues = np.array([STILL if still else SIDES[side] for side in (MIDDLE, LEFT, RIGHT, MARKED)])[sides]
     colours = np.rint(hues + (np.array(GROUND) - hues) * pale[:, None]).astype(int).tolist()
 
     def draw(canvas: ImageDraw.ImageDraw, origin: Array) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -19,6 +20,9 @@ Array = NDArray[np.float64]
 MIDDLE, LEFT, RIGHT = 0, 1, 2
 """The sides of the body."""
 
+MARKED = 3
+"""In place of a side: drawn in a colour of its own."""
+
 # Radii in heights. A bone is as thick as the square root of the limb that is still to come: thick thighs, thin fingers,
 # on any rig, from its lengths alone. A figure without bones is one large ball.
 _THIN, _TAPER, _BALL, _LONE_BALL = 0.005, 0.024, 0.011, 0.06
@@ -32,10 +36,11 @@ class Figure:
     Attributes:
         bones: (B, 2) the nodes that each bone runs between, upper end first.
         radii: (B, 2) the bone's radius at either end.
-        sides: (B,) `MIDDLE`, `LEFT` or `RIGHT`.
+        sides: (B,) `MIDDLE`, `LEFT` or `RIGHT`, or `MARKED`.
         balls: (E, 2) nodes with a ball half way between them: one at the end of each limb, where both are the same
             node, one from a head's joint to its tip, and the root's alone where there is no bone.
         ball_radii: (E,) of the balls.
+        ball_sides: (E,) `MIDDLE` or `MARKED`.
         root: the node that carries the figure.
     """
 
@@ -44,12 +49,22 @@ class Figure:
     sides: NDArray[np.int64]
     balls: NDArray[np.int64]
     ball_radii: Array
+    ball_sides: NDArray[np.int64]
     root: int
 
     @property
     def drawn(self) -> NDArray[np.int64]:
         """The nodes that must be in the picture, ascending: all that something is drawn at, and the root."""
         return np.unique(np.concatenate([self.bones.ravel(), self.balls.ravel(), [self.root]]))
+
+    def marking(self, joints: NDArray[np.bool_]) -> Figure:
+        """The figure with the bones and balls marked that these joints (J,) turn."""
+        turning = {lower: upper for upper, lower in self.bones.tolist()}
+        bones = joints[self.bones[:, 0]]
+        balls = joints[[turning.get(node, self.root) for node in self.balls[:, 1].tolist()]]
+        return dataclasses.replace(
+            self, sides=np.where(bones, MARKED, self.sides), ball_sides=np.where(balls, MARKED, self.ball_sides)
+        )
 
     @property
     def thickest(self) -> float:
@@ -106,7 +121,9 @@ def build_figure(motion: Motion, nodes: Array, height: float) -> Figure:
     sizes += [_BALL if len(bones) else _LONE_BALL] * (len(balls) - len(heads))
     radii = _THIN + _TAPER * np.sqrt(still_to_come)
     radii[[children.index(tip) for _, tip in heads], 1] = 0.0  # inside the ball, which touches the tip
-    return Figure(bones, height * radii, _sides(skeleton)[bones[:, 1]], balls, height * np.array(sizes), root)
+    plain = np.full(len(balls), MIDDLE)
+    sides = _sides(skeleton)[bones[:, 1]]
+    return Figure(bones, height * radii, sides, balls, height * np.array(sizes), plain, root)
 
 
 def body_root(motion: Motion) -> int:

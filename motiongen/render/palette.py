@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from motiongen.render.figure import LEFT, MIDDLE, RIGHT
+from motiongen.render.figure import LEFT, MARKED, MIDDLE, RIGHT
 
 Colour = tuple[int, int, int]
 
@@ -15,7 +15,7 @@ FAINT_INK: Colour = (132, 132, 130)
 SHADOW: Colour = (70, 70, 72)
 PATH: Colour = (0, 158, 115)
 STILL: Colour = (168, 168, 166)
-SIDES: dict[int, Colour] = {MIDDLE: (74, 74, 78), LEFT: (0, 114, 178), RIGHT: (213, 94, 0)}
+SIDES: dict[int, Colour] = {MIDDLE: (74, 74, 78), LEFT: (0, 114, 178), RIGHT: (213, 94, 0), MARKED: (170, 51, 119)}
 
 
 def mix(first: Colour, second: Colour, share: float) -> Colour:
@@ -30,7 +30,7 @@ def ramp(first: Colour, second: Colour, steps: int) -> list[Colour]:
 
 
 def gif_colours() -> list[Colour]:
-    """255 colours that every picture here is made of; index 255 is left free for transparency.
+    """255 colours that every picture of an animation is made of; index 255 is left free for transparency.
 
     The same for all frames and files, so that colours neither flicker nor depend on what is in the first frame.
     """

@@ -14,8 +14,9 @@ from motiongen.errors import MotionGenError
 from motiongen.motion import Motion
 from motiongen.render import draw, schedule
 from motiongen.render.camera import NEAR
+from motiongen.render.figure import MARKED
 from motiongen.render.ground import Ground
-from motiongen.render.palette import FAINT_INK, INK
+from motiongen.render.palette import FAINT_INK, INK, SIDES
 from motiongen.render.stage import Actor, Panel, View, cast, closeups
 
 _MOST_POSES = 64
@@ -32,6 +33,8 @@ def film_strip(
     labels: Sequence[str] | None = None,
     poses: int = 10,
     *,
+    moments: Sequence[Sequence[int]] | None = None,
+    marked: Sequence[NDArray[np.bool_] | None] | None = None,
     size: tuple[int, int] | None = None,
     seconds: float | None = None,
     supersample: int = 3,
@@ -47,6 +50,9 @@ def film_strip(
         motions: the clips, one row each.
         labels: what to write beside each row; by default the clips' names.
         poses: how many poses a row shows; a clip with fewer frames shows each once.
+        moments: the frames that each clip shows, ascending, in place of `poses` evenly in time.
+        marked: for each clip which frames (T,), or joints at which frames (T, J), are drawn in a colour of their own;
+            None marks nothing.
         size: width and height in pixels that the picture is made to fit into; by default rows are 220 pixels high and
             as wide as the figures need.
         seconds: how much of each clip to show; by default all of it.
@@ -61,9 +67,10 @@ def film_strip(
     if poses not in range(1, _MOST_POSES + 1):
         raise MotionGenError(f"poses must be a whole number from 1 to {_MOST_POSES}, not {poses}")
     shown = [schedule.trimmed(motion, seconds) for motion in motions]
-    moments = [np.unique(np.linspace(0, len(m) - 1, min(poses, len(m))).round().astype(np.int64)) for m in shown]
+    at = _evenly(shown, poses) if moments is None else _checked_moments(shown, moments)
+    marks = _checked_marks(shown, marked)
     actors = cast(shown, labels, [np.arange(len(motion)) for motion in shown])
-    rows = _fitting_rows(actors, moments, size, supersample)
+    rows = _fitting_rows(actors, at, marks, size, supersample)
     picture = draw.blank((max(row.width for row in rows), sum(row.height for row in rows)))
     done, total = 0, sum(len(row.moments) for row in rows)
     for number, row in enumerate(rows):
@@ -84,6 +91,7 @@ class Row:
     Attributes:
         actor: who is shown, at every frame of the clip.
         moments: (P,) the frames that are shown as poses.
+        marks: (T, J) the joints that are marked.
         view: how poses are seen, in a cell whose left edge is at pixel 0.
         cell: width of a cell in pixels.
         margin: width left of the first cell, for the label.
@@ -94,6 +102,7 @@ class Row:
 
     actor: Actor
     moments: NDArray[np.int64]
+    marks: NDArray[np.bool_]
     view: View
     cell: int
     margin: int
@@ -127,21 +136,66 @@ class Row:
         draw.paint_path(picture, pixels, inside, now=len(pixels) - 1, factor=self.supersample)
         view = dataclasses.replace(self.view, camera=camera, track=self.view.track[pose : pose + 1])
         actor = self.actor.at(self.moments[pose : pose + 1])
+        if self.marks[moment].any():
+            actor = dataclasses.replace(actor, figure=actor.figure.marking(self.marks[moment]))
         Panel(actor, view, picture.size, size, self.supersample).paint_figure(picture, 0)
         at = (left + self.cell / 2, self.height - 0.7 * size)
         time = f"{self.actor.seconds[moment]:.2f} s"
-        draw.write(picture, at, time, size=0.85 * size, colour=FAINT_INK, anchor="ms")
+        colour = SIDES[MARKED] if self.marks[moment].all() else FAINT_INK
+        draw.write(picture, at, time, size=0.85 * size, colour=colour, anchor="ms")
+
+
+def _evenly(motions: Sequence[Motion], poses: int) -> list[NDArray[np.int64]]:
+    """The frames (P,) of each clip that are shown, evenly from its first to its last."""
+    spread = [np.linspace(0, len(motion) - 1, min(poses, len(motion))) for motion in motions]
+    return [np.unique(times.round().astype(np.int64)) for times in spread]
+
+
+def _checked_moments(motions: Sequence[Motion], moments: Sequence[Sequence[int]]) -> list[NDArray[np.int64]]:
+    if len(moments) != len(motions):
+        raise MotionGenError(f"{len(motions)} clips need as many lists of moments; {len(moments)} came")
+    for motion, frames in zip(motions, moments):
+        inside = all(0 <= frame < len(motion) for frame in frames)
+        if not (1 <= len(frames) <= _MOST_POSES and inside and list(frames) == sorted(set(frames))):
+            raise MotionGenError(
+                f"the moments of '{motion.name}' must be 1 to {_MOST_POSES} ascending frames from 0 to "
+                f"{len(motion) - 1}, not {list(frames)}"
+            )
+    return [np.array(frames, dtype=np.int64) for frames in moments]
+
+
+def _checked_marks(
+    motions: Sequence[Motion], marked: Sequence[NDArray[np.bool_] | None] | None
+) -> list[NDArray[np.bool_]]:
+    """(T, J) for each clip the joints that are marked."""
+    marked = [None] * len(motions) if marked is None else marked
+    if len(marked) != len(motions):
+        raise MotionGenError(f"{len(motions)} clips need as many entries in marked; {len(marked)} came")
+    marks = []
+    for motion, given in zip(motions, marked):
+        shape = (len(motion), len(motion.skeleton))
+        mask = np.zeros(len(motion), dtype=bool) if given is None else np.asarray(given, dtype=bool)
+        if mask.shape not in (shape, shape[:1]):
+            raise MotionGenError(
+                f"what is marked of '{motion.name}' must have the shape {shape[:1]} or {shape}, not {mask.shape}"
+            )
+        marks.append(np.broadcast_to(mask.reshape(*mask.shape, *[1] * (2 - mask.ndim)), shape))
+    return marks
 
 
 def _fitting_rows(
-    actors: Sequence[Actor], moments: Sequence[NDArray[np.int64]], size: tuple[int, int] | None, supersample: int
+    actors: Sequence[Actor],
+    moments: Sequence[NDArray[np.int64]],
+    marks: Sequence[NDArray[np.bool_]],
+    size: tuple[int, int] | None,
+    supersample: int,
 ) -> list[Row]:
     """The rows of a strip: of the usual height, or as high as fits into `size`."""
     if size is None:
-        return _rows(actors, moments, _HEIGHT, supersample)
+        return _rows(actors, moments, marks, _HEIGHT, supersample)
     height = min(int(size[1]) // len(actors), _HIGHEST)
     while height >= _LOWEST:
-        rows = _rows(actors, moments, height, supersample)
+        rows = _rows(actors, moments, marks, height, supersample)
         widest = max(row.width for row in rows)
         if widest <= size[0]:
             return rows
@@ -152,14 +206,20 @@ def _fitting_rows(
     )
 
 
-def _rows(actors: Sequence[Actor], moments: Sequence[NDArray[np.int64]], height: int, supersample: int) -> list[Row]:
+def _rows(
+    actors: Sequence[Actor],
+    moments: Sequence[NDArray[np.int64]],
+    marks: Sequence[NDArray[np.bool_]],
+    height: int,
+    supersample: int,
+) -> list[Row]:
     size = min(max(0.065 * height, 10.0), 16.0)
     cell, views = closeups(actors, moments, height, top=0.04 * height, bottom=2.4 * size)
     longest = max(draw.font(size).getlength(actor.label) for actor in actors)
     margin = round(min(longest, _LABEL * size) + 2 * size)
     return [
-        Row(actor, moment, view, cell, margin, height, size, supersample)
-        for actor, moment, view in zip(actors, moments, views)
+        Row(actor, moment, mark, view, cell, margin, height, size, supersample)
+        for actor, moment, mark, view in zip(actors, moments, marks, views)
     ]
 
 

@@ -123,7 +123,9 @@ def test_the_grid_repeats(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("nearer", [0, 1])
 def test_near_bones_cover_far_ones_and_are_stronger(nearer: int) -> None:
     bones, radii = np.array([[0, 1], [2, 3]]), np.full((2, 2), 0.03)
-    figure = Figure(bones, radii, np.array([LEFT, RIGHT]), np.array([[1, 1], [3, 3]]), np.full(2, 0.01), 0)
+    figure = Figure(
+        bones, radii, np.array([LEFT, RIGHT]), np.array([[1, 1], [3, 3]]), np.full(2, 0.01), np.zeros(2, int), 0
+    )
     crossing = np.array([[20.0, 50.0], [80.0, 50.0], [50.0, 20.0], [50.0, 80.0]])
     depths = np.full(4, 5.5)
     depths[2 * nearer : 2 * nearer + 2] = 5.0

@@ -16,7 +16,8 @@ from motiongen.errors import MotionGenError
 from motiongen.motion import Motion
 from motiongen.render import SUFFIXES, film_strip, render_clips, video
 from motiongen.render.clips import build_movie
-from motiongen.render.palette import gif_colours
+from motiongen.render.figure import LEFT, MARKED
+from motiongen.render.palette import GROUND, SIDES, gif_colours
 from motiongen.render.stage import Panel
 from tests.render.figures import changed, pixels, spider, standing, walking
 
@@ -285,6 +286,62 @@ def test_a_strip_as_a_file_is_the_strip(tmp_path: Path) -> None:
 def test_strips_of_no_or_too_many_poses_are_refused(poses: Any) -> None:
     with pytest.raises(MotionGenError, match="poses must be a whole number from 1 to 64"):
         film_strip([CLIP], poses=poses)
+
+
+def painted(picture: Image.Image, side: int) -> np.ndarray:
+    """(H, W) where a picture has the colour of a side, paler or not."""
+    ground, hue = np.array(GROUND), np.array(SIDES[side])
+    share = (pixels(picture) - ground) @ (hue - ground) / ((hue - ground) @ (hue - ground))
+    off = np.linalg.norm(pixels(picture) - ground - share[..., None] * (hue - ground), axis=-1)
+    return (share > 0.4) & (off < 12)
+
+
+def test_moments_are_the_poses_that_are_shown() -> None:
+    clip = turning(91)
+    evenly = film_strip([clip, clip], poses=4)
+    assert not changed(evenly, film_strip([clip, clip], moments=[[0, 30, 60, 90]] * 2)).any()
+    uneven = film_strip([clip, clip], moments=[[0, 30, 60, 90], [0, 31]])
+    assert changed(evenly.crop((0, 220, *evenly.size)), uneven.crop((0, 220, *evenly.size))).any()
+
+
+@pytest.mark.parametrize("frames", [[], [3, 3], [5, 2], [-1, 4], [0, 10]])
+def test_moments_that_are_not_there_are_refused(frames: list[int]) -> None:
+    with pytest.raises(MotionGenError, match="ascending frames from 0 to 9"):
+        film_strip([standing(10)], moments=[frames])
+    with pytest.raises(MotionGenError, match="as many lists of moments; 2 came"):
+        film_strip([standing(10)], moments=[frames, frames])
+
+
+def test_marked_frames_have_a_colour_of_their_own_and_others_stay() -> None:
+    clip, marked = standing(4), np.array([False, True, False, True])
+    plain = film_strip([clip, clip], poses=4)
+    both = film_strip([clip, clip], poses=4, marked=[None, marked])
+    assert not changed(plain, film_strip([clip, clip], poses=4, marked=[None, np.zeros(4, dtype=bool)])).any()
+    touched = changed(plain, both)
+    assert not touched[:220].any(), "the first clip has no marks"
+    columns = np.flatnonzero(touched.any(axis=0))
+    assert len(np.flatnonzero(np.diff(columns) > 20)) == 1, "two of the four figures"
+    assert painted(plain, MARKED).sum() < 10
+    assert painted(both, MARKED).sum() > 300
+
+
+def test_marked_joints_colour_the_bones_that_they_turn() -> None:
+    clip = standing(1)
+    marks = np.zeros((1, len(clip.skeleton)), dtype=bool)
+    marks[0, [clip.skeleton.index(name) for name in ("LeftLeg", "LeftFoot")]] = True
+    plain, one = (film_strip([clip], poses=1, marked=[mark]) for mark in (None, marks))
+    touched = np.flatnonzero(changed(plain, one).any(axis=1))
+    figure = np.flatnonzero((pixels(plain)[:190].min(axis=-1) < 130).any(axis=1))
+    assert touched.min() > figure.mean() - 8, "the leg is the lower half"
+    assert painted(plain, LEFT).sum() > painted(one, LEFT).sum() > 100, "the left arm keeps its colour"
+
+
+def test_marks_of_another_shape_are_refused() -> None:
+    for shape in ((9,), (10, 2), (9, 9), ()):
+        with pytest.raises(MotionGenError, match=r"must have the shape \(10,\) or \(10, 9\), not"):
+            film_strip([standing(10)], marked=[np.zeros(shape, dtype=bool)])
+    with pytest.raises(MotionGenError, match="as many entries in marked; 2 came"):
+        film_strip([standing(10)], marked=[None, None])
 
 
 def test_seconds_shorten_what_is_shown() -> None:

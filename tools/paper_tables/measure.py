@@ -14,7 +14,6 @@ from motiongen.metrics import one_clip_metrics
 from tools.paper_tables.cells import Cells
 from tools.paper_tables.examples import Examples, ExampleSet
 
-
 AS_PUBLISHED: dict[str, dict[str, Any]] = {"genmm": {"standing_feet": "free"}}
 """Options that are off the defaults in all tables: the metrics ask what a method makes, not what a clean-up changes."""
 
