@@ -11,6 +11,7 @@ import pytest
 import motiongen as mg
 from motiongen.assets import EXAMPLE_CLIP
 from motiongen.cli import main
+from tests.checkpoints import random_checkpoint
 from tests.conftest import ROOT
 
 
@@ -41,6 +42,7 @@ def clips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for folder in ("walks", "waves", "clips"):
         Path(folder).mkdir()
         clip[:200].save(f"{folder}/sample_0000.bvh")
+    random_checkpoint(Path("runs/first/best"), clip.skeleton)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

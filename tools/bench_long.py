@@ -193,6 +193,7 @@ def draw(outputs: Sequence[Row], examples: Sequence[Row], path: Path) -> None:
     for axes, what in ((seconds, "processor seconds of a synthesis"), (memory, "MB of a synthesis, result included")):
         axes.set(xscale="log", yscale="log", xlabel="frames made", ylabel=what)
         axes.grid(alpha=0.3)
+    memory.set_ylim(bottom=1.0)  # less is the noise of what the process had in use before
     seconds.legend(fontsize="small")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)
