@@ -18,13 +18,29 @@ def run(arguments: Sequence[str]) -> None:
     parser = Parser(prog="motiongen info", description="What is in a clip, and what is odd about it.")
     parser.add_argument("clip", nargs="+", help="a clip; its suffix tells the format: " + ", ".join(io.formats()))
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.add_argument(
+        "--levels", action="store_true", help="draw the skeleton at all levels of MoDi's networks, coarsest first"
+    )
     add_reading_arguments(parser)
     options = parser.parse_args(arguments)
+    if options.levels:
+        clips = [(path, io.load(path, up=options.up, unit=options.unit)) for path in options.clip]
+        print("\n\n".join("\n".join([path, *levels(clip)]) for path, clip in clips))
+        return
     facts = [describe(io.load(path, up=options.up, unit=options.unit), path) for path in options.clip]
     if options.json:
         print(json.dumps(facts[0] if len(facts) == 1 else facts, indent=2))
         return
     print("\n\n".join(_table(each) for each in facts))
+
+
+def levels(motion: Motion) -> list[str]:
+    """The skeleton at all levels that MoDi's networks have by default, as lines of text."""
+    from motiongen.generators.modi.hierarchy import build_hierarchy
+    from motiongen.generators.modi.hierarchy import describe as drawn
+    from motiongen.generators.modi.options import NetworkOptions
+
+    return drawn(build_hierarchy(motion.skeleton, foot_joints(motion), NetworkOptions()))
 
 
 def describe(motion: Motion, path: str) -> dict[str, Any]:

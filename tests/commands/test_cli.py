@@ -109,6 +109,16 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
     assert (done.stdout, done.stderr) == ("{", "")
 
 
+def test_info_draws_the_levels_of_a_skeleton(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "info", EXAMPLE_CLIP, "--levels")
+    assert code == 0
+    assert [line.split(":")[0] for line in out.splitlines() if line.startswith("level")] == [
+        f"level {i}" for i in range(5)
+    ]
+    names = mg.load(EXAMPLE_CLIP).skeleton.names
+    assert all(name in out for name in names)  # the finest level names every joint
+
+
 def test_info_says_what_the_clip_is(capsys: pytest.CaptureFixture[str]) -> None:
     clip = mg.load(EXAMPLE_CLIP)
     code, out, _ = run(capsys, "info", EXAMPLE_CLIP)
