@@ -153,7 +153,7 @@ def _ground_steps(positions: Array) -> Array:
 def from_features(features: Array, layout: FeatureLayout, like: Motion, start: Array | None = None) -> Motion:
     """The motion that (T, D) features describe; the exact inverse of `to_features`.
 
-    Rotations are made orthonormal (Gram-Schmidt). Contact labels and the feet's steps are not used.
+    Rotations are made orthonormal, the nearest way. Contact labels and the feet's steps are not used.
 
     Args:
         features: (T, D).

@@ -79,18 +79,40 @@ def to_6d(quaternions: Array) -> Array:
 
 
 def from_6d(columns: Array) -> Array:
-    """The rotation of two columns by Gram-Schmidt (Zhou et al. 2019, Eq. 15): (..., 6) -> (..., 4).
+    """The rotation whose first two columns are nearest to the given ones: (..., 6) -> (..., 4).
 
-    Columns that vanish or are parallel have no such rotation; the identity's axes stand in for them.
+    Both columns give way alike (symmetric orthonormalisation), where Gram-Schmidt (Zhou et al. 2019, Eq. 15) keeps the
+    direction of the first: of a mean of rotations that face opposite ways one column all but vanishes, and its
+    direction means nothing. Of columns that vanish or are parallel there is no nearest rotation; what there is of the
+    first is kept.
     """
     first, second = columns[..., :3], columns[..., 3:]
+    across = np.sum(first * second, axis=-1, keepdims=True)
+    squares = np.sum(first * first, axis=-1, keepdims=True), np.sum(second * second, axis=-1, keepdims=True)
+    # The inverse square root of the 2 x 2 matrix of products, in closed form.
+    area = np.sqrt(np.maximum(squares[0] * squares[1] - across**2, 0.0))
+    scale = area * np.sqrt(squares[0] + squares[1] + 2 * area)
+    sound = (area > _SOUND * (squares[0] + squares[1]))[..., 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = ((squares[1] + area) * first - across * second) / scale
+        y = ((squares[0] + area) * second - across * first) / scale
+    if not sound.all():
+        x[~sound], y[~sound] = _gram_schmidt(first[~sound], second[~sound])
+    return from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+
+
+_SOUND = 1e-6
+"""Columns that span less than this of what square ones would are taken for parallel."""
+
+
+def _gram_schmidt(first: Array, second: Array) -> tuple[Array, Array]:
+    """Two square unit columns (n, 3) of any two."""
     first = _unit(first, fallback=np.array([1.0, 0.0, 0.0]))
     second = second - np.sum(first * second, axis=-1, keepdims=True) * first
     # Any axis off the first column serves as second where the given one is parallel to it.
     spare = np.eye(3)[np.argmin(np.abs(first), axis=-1)]
     spare = spare - np.sum(first * spare, axis=-1, keepdims=True) * first
-    second = _unit(second, fallback=spare / np.linalg.norm(spare, axis=-1, keepdims=True))
-    return from_matrix(np.stack([first, second, np.cross(first, second)], axis=-1))
+    return first, _unit(second, fallback=spare / np.linalg.norm(spare, axis=-1, keepdims=True))
 
 
 def _unit(vectors: Array, fallback: Array) -> Array:

@@ -125,14 +125,19 @@ def test_6d_is_two_columns_and_comes_back(rng: np.random.Generator) -> None:
 
 
 @given(generators())
-def test_6d_ignores_lengths_and_shear(rng: np.random.Generator) -> None:
-    """Gram-Schmidt: only the first column's direction counts, and the plane that the second spans with it."""
+def test_6d_ignores_lengths(rng: np.random.Generator) -> None:
     q = random_quaternions(rng, 60)
-    columns = rot.to_6d(q)
-    first, second = columns[..., :3], columns[..., 3:]
-    longer, wider = rng.uniform(0.1, 9, size=(2, 60, 1))
-    sheared = np.concatenate([longer * first, wider * second + rng.normal(size=(60, 1)) * first], axis=-1)
-    same_rotation(rot.from_6d(sheared), q, 1e-10)
+    lengths = np.repeat(rng.uniform(0.1, 9, size=(60, 2)), 3, axis=-1)
+    same_rotation(rot.from_6d(lengths * rot.to_6d(q)), q, 1e-10)
+
+
+@given(generators())
+def test_6d_gives_the_rotation_with_the_nearest_columns(rng: np.random.Generator) -> None:
+    """The orthonormal factor of the polar decomposition, by singular values."""
+    columns = rng.normal(size=(60, 6))
+    left, _, right = np.linalg.svd(np.stack([columns[:, :3], columns[:, 3:]], axis=-1), full_matrices=False)
+    nearest = left @ right  # (60, 3, 2)
+    assert_allclose(rot.to_6d(rot.from_6d(columns)), np.concatenate([nearest[..., 0], nearest[..., 1]], -1), atol=1e-7)
 
 
 @given(generators())

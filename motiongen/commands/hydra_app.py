@@ -81,8 +81,7 @@ def _refuse_unknown_flags(arguments: Sequence[str], config_name: str) -> None:
         flag = argument.split("=")[0]
         if flag.startswith("--") and not any(known.startswith(flag) for known in FLAGS):
             raise MotionGenError(
-                f"{config_name} takes settings as key=value, such as seed=1, and has no flag '{flag}'; "
-                f"see `motiongen {config_name} --help`"
+                f"{config_name} takes settings as key=value, such as seed=1, and has no flag '{flag}'; see --help"
             )
 
 

@@ -34,7 +34,7 @@ def test_it_is_the_formula(seed: int, columns: int) -> None:
     a, b = (rng.normal(size=(40, columns)) @ rng.normal(size=(columns, columns)) + rng.normal() for _ in range(2))
     assert frechet_distance(a, b) == pytest.approx(plain_distance(a, b), rel=1e-5, abs=1e-6)
     assert frechet_distance(b, a) == pytest.approx(frechet_distance(a, b))
-    assert frechet_distance(a, a) == pytest.approx(0, abs=1e-9)
+    assert frechet_distance(a, a) == pytest.approx(0, abs=1e-6)
 
 
 def test_it_has_the_value_of_known_gaussians() -> None:
