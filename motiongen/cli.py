@@ -30,6 +30,12 @@ class Command:
     run: Callable[[Sequence[str]], None]
 
 
+def _stream(arguments: Sequence[str]) -> None:
+    from motiongen.commands.stream import run
+
+    run(arguments)
+
+
 def _info(arguments: Sequence[str]) -> None:
     from motiongen.commands.info import run
 
@@ -68,6 +74,7 @@ def _data(arguments: Sequence[str]) -> None:
 
 COMMANDS = {
     "sample": Command("make new motions from example clips (settings as key=value)", _sample),
+    "stream": Command("endless motion, chunk by chunk (settings as key=value)", _stream),
     "info": Command("what is in a clip, and what is odd about it", _info),
     "convert": Command("change a clip's format, frame rate, unit or up axis", _convert),
     "render": Command("clips as a video, an animated GIF or a film strip", _render),

@@ -62,7 +62,9 @@ FLOORS = {
 # Who may import a package from elsewhere when imported itself; anyone may inside a function. NumPy is for all.
 GENERATORS = ("motiongen.generators.genmm", "motiongen.generators.modi")
 PROGRAMS = ("train", "tools")
-HYDRA_COMMANDS = tuple(f"motiongen.commands.{name}" for name in ("sample", "hydra_app", "sweep", "sweep_plan"))
+HYDRA_COMMANDS = tuple(
+    f"motiongen.commands.{name}" for name in ("sample", "stream", "hydra_app", "sweep", "sweep_plan")
+)
 OUTSIDE = {
     "numpy": ("motiongen", *PROGRAMS),
     "torch": (*GENERATORS, *PROGRAMS),

@@ -108,7 +108,11 @@ def test_an_earlier_runs_motions_are_named_not_removed(
     assert "from an earlier run, left as they were: sample_0001.bvh, sample_0002.bvh" in capsys.readouterr().out
 
 
-CONFIGURATIONS = {"sample": ("generator", "constraint"), "train": ("generator", "network", "trainer", "experiment")}
+CONFIGURATIONS = {
+    "sample": ("generator", "constraint"),
+    "stream": ("generator",),
+    "train": ("generator", "network", "trainer", "experiment"),
+}
 """The groups of choices that each has."""
 
 
