@@ -17,7 +17,9 @@ class TrainerSettings(Options):
     learning_rate: float = option(0.002, "Of Adam.", above=0.0)
     beta2: float = option(0.99, "Of Adam; its first beta is 0.", minimum=0.0, maximum=1.0)
     mixing: float = option(0.9, "Share of steps whose motions are made from two codes each.", minimum=0.0, maximum=1.0)
-    r1_weight: float = option(10.0, "Of the penalty on the discriminator's slope (Eq. 7).", minimum=0.0)
+    r1_weight: float = option(
+        10.0, "Of the penalty on the discriminator's slope (Eq. 7); half of it counts, as in StyleGAN2.", minimum=0.0
+    )
     r1_every: int = option(16, "Steps from one such penalty to the next, which then counts as many times.", minimum=1)
     path_weight: float = option(2.0, "Of the penalty on uneven path lengths (Eq. 6).", minimum=0.0)
     path_every: int = option(4, "Steps from one such penalty to the next, which then counts as many times.", minimum=1)
