@@ -8,7 +8,6 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import math
 import sys
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,6 +15,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from motiongen.commands.hydra_app import run_application
+from motiongen.commands.settings import leaving_no_empty
 from motiongen.errors import MotionGenError
 
 EXIT_MISTAKE = 2
@@ -36,12 +36,8 @@ def main() -> int:
 
 def _task(config: DictConfig) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
-    try:
+    with leaving_no_empty(folder):
         _train(cast(dict[str, Any], OmegaConf.to_container(config, resolve=True)), folder)
-    except BaseException:
-        with suppress(OSError):
-            folder.rmdir()  # Hydra has made it; a run that came to nothing leaves nothing
-        raise
 
 
 def _train(values: dict[str, Any], folder: Path) -> None:

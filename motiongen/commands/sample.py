@@ -17,6 +17,7 @@ from motiongen import io
 from motiongen.commands.constraint_settings import Material, read_constraints
 from motiongen.commands.hydra_app import run_application
 from motiongen.commands.inputs import Inputs, load_examples, read_input
+from motiongen.commands.settings import choice, leaving_no_empty, positive, whole
 from motiongen.commands.sweep import COMPLETE, composed_text
 from motiongen.console import progress_bar
 from motiongen.errors import MotionGenError
@@ -66,12 +67,8 @@ def hydra_application(arguments: Sequence[str]) -> None:
 def _task(config: DictConfig) -> None:
     hydra = HydraConfig.get()
     folder = Path(hydra.runtime.output_dir)
-    try:
+    with leaving_no_empty(folder):
         _sample(read_request(config), folder, composed_text(config), alone=hydra.mode is not RunMode.MULTIRUN)
-    except BaseException:
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()  # Hydra has made it; a run that came to nothing leaves nothing
-        raise
 
 
 def read_request(config: DictConfig) -> Request:
@@ -88,18 +85,18 @@ def read_request(config: DictConfig) -> Request:
     frames = values["frames"]
     return Request(
         inputs=read_input(values["input"], needed=not spec.needs_training),
-        up=_choice("up", values["up"], (None, *UP_AXES)),
-        unit=_choice("unit", values["unit"], (None, *METRES_PER_UNIT)),
+        up=choice("up", values["up"], (None, *UP_AXES)),
+        unit=choice("unit", values["unit"], (None, *METRES_PER_UNIT)),
         spec=spec,
         options=spec.options_type().build(generator),
-        frames=None if frames is None else _whole("frames", frames, 1),
-        count=_whole("count", values["count"], 1),
-        seed=_whole("seed", values["seed"], 0),
-        format=_choice("format", values["format"], formats),
+        frames=None if frames is None else whole("frames", frames, 1),
+        count=whole("count", values["count"], 1),
+        seed=whole("seed", values["seed"], 0),
+        format=choice("format", values["format"], formats),
         preview=_preview(values["preview"]),
-        preview_count=_whole("preview_count", values["preview_count"], 0),
-        preview_seconds=_positive("preview_seconds", values["preview_seconds"]),
-        preview_rate=_positive("preview_rate", values["preview_rate"]),
+        preview_count=whole("preview_count", values["preview_count"], 0),
+        preview_seconds=positive("preview_seconds", values["preview_seconds"]),
+        preview_rate=positive("preview_rate", values["preview_rate"]),
         constraints=constraints,
     )
 
@@ -213,30 +210,11 @@ def _constraints(config: DictConfig) -> dict[str, dict[str, Any]]:
     return cast(dict[str, dict[str, Any]], OmegaConf.to_container(config.constraints))
 
 
-def _whole(name: str, value: Any, least: int) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        raise MotionGenError(f"{name} must be a whole number of at least {least}, not {value!r}")
-    return value
-
-
-def _positive(name: str, value: Any) -> float:
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not 0 < value < float("inf"):
-        raise MotionGenError(f"{name} must be a positive number, not {value!r}")
-    return float(value)
-
-
-def _choice(name: str, value: Any, allowed: Sequence[Any]) -> Any:
-    if value not in allowed:
-        words = ", ".join("null" if word is None else str(word) for word in allowed)
-        raise MotionGenError(f"{name} must be one of {words}, not {value!r}")
-    return value
-
-
 def _preview(value: Any) -> str:
     """The suffix of the preview, or none."""
     from importlib.util import find_spec
 
-    chosen: str = _choice("preview", "none" if value in (None, False) else value, PREVIEWS)
+    chosen: str = choice("preview", "none" if value in (None, False) else value, PREVIEWS)
     has_video = find_spec("imageio_ffmpeg") is not None
     if chosen == "mp4" and not has_video:
         raise MotionGenError("preview=mp4 needs the extra 'video': pip install 'motiongen[video]'; gif works without")

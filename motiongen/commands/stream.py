@@ -14,8 +14,10 @@ from omegaconf import DictConfig, OmegaConf
 from motiongen import io
 from motiongen.commands.hydra_app import run_application
 from motiongen.commands.inputs import load_examples, read_input
+from motiongen.commands.settings import choice, leaving_no_empty, whole
 from motiongen.errors import MotionGenError
 from motiongen.generators.registry import spec_of
+from motiongen.motion import METRES_PER_UNIT, UP_AXES
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -25,26 +27,21 @@ def run(arguments: Sequence[str]) -> None:
 
 def _task(config: DictConfig) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
-    try:
+    with leaving_no_empty(folder):
         _stream(cast(dict[str, Any], OmegaConf.to_container(config, resolve=True)), folder)
-    except BaseException:
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()  # Hydra has made it; a run that came to nothing leaves nothing
-        raise
 
 
 def _stream(values: dict[str, Any], folder: Path) -> None:
     options = dict(values["generator"])
     spec = spec_of(str(options.pop("name")))
-    chunks, written = values["chunks"], values["format"]
-    if chunks is not None and (not isinstance(chunks, int) or isinstance(chunks, bool) or chunks < 1):
-        raise MotionGenError(f"chunks must be a whole number of at least 1, or null for no end, not {chunks!r}")
-    if f".{written}" not in io.formats():
-        raise MotionGenError(f"format must be one of {', '.join(f.lstrip('.') for f in io.formats())}, not {written!r}")
+    chunks = None if values["chunks"] is None else whole("chunks", values["chunks"], 1)
+    written = choice("format", values["format"], [suffix.lstrip(".") for suffix in io.formats()])
+    up = choice("up", values["up"], (None, *UP_AXES))
+    unit = choice("unit", values["unit"], (None, *METRES_PER_UNIT))
     generator: Any = spec.create(spec.options_type().build(options))
     if not hasattr(generator, "stream"):
         raise MotionGenError(f"generator={spec.name} makes no endless motion; generator=genmm does")
-    examples = load_examples(read_input(values["input"], needed=True), values["up"], values["unit"])
+    examples = load_examples(read_input(values["input"], needed=True), up, unit)
     generator.fit(examples.clips)
     made = generator.stream(values["chunk_frames"], values["seed"], examples.constraints)
     begun = time.perf_counter()
