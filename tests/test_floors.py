@@ -41,6 +41,8 @@ FLOORS = {
     "motiongen.reassembly": 2,
     # measures, and the generators' contract
     "motiongen.metrics": 2,
+    "motiongen.recognition": 2,
+    "motiongen.attributes": 2,
     "motiongen.generators": 2,
     # generators, pictures, reports
     "motiongen.generators.genmm": 3,
@@ -63,11 +65,12 @@ FLOORS = {
 GENERATORS = ("motiongen.generators.genmm", "motiongen.generators.modi")
 PROGRAMS = ("train", "tools")
 HYDRA_COMMANDS = tuple(
-    f"motiongen.commands.{name}" for name in ("sample", "stream", "hydra_app", "sweep", "sweep_plan")
+    f"motiongen.commands.{name}"
+    for name in ("sample", "stream", "invert", "edit", "latent", "evaluate", "hydra_app", "sweep", "sweep_plan")
 )
 OUTSIDE = {
     "numpy": ("motiongen", *PROGRAMS),
-    "torch": (*GENERATORS, *PROGRAMS),
+    "torch": (*GENERATORS, "motiongen.recognition", *PROGRAMS),
     "roma": ("motiongen.generators.modi", *PROGRAMS),
     "scipy": (*GENERATORS, *PROGRAMS),
     "hydra": (*HYDRA_COMMANDS, *PROGRAMS),
@@ -88,6 +91,7 @@ STRANGERS = [
     ("motiongen.generators.genmm", "motiongen.generators.modi"),
     ("motiongen.generators.modi", "motiongen.generators.genmm"),
     ("motiongen.metrics", "motiongen.generators"),
+    ("motiongen.recognition", "motiongen.generators"),
 ]
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
+from motiongen.assets import BUNDLED_MODEL
 from motiongen.datasets import from_entities
 from motiongen.errors import MotionGenError
-from motiongen.generators.base import Capabilities, Generator, Progress, sample_seed
+from motiongen.generators.base import Capabilities, LatentGenerator, Progress, sample_seed
 from motiongen.generators.constraints import Constraint
 from motiongen.generators.devices import torch_device
 from motiongen.generators.modi.checkpoint import load_model
@@ -21,43 +23,47 @@ from motiongen.motion import Motion
 from motiongen.skeleton import Skeleton
 
 
-class MoDi(Generator):
+class MoDi(LatentGenerator):
     """A generator of motions like those of the data set that its checkpoint was trained on, on that one's skeleton.
 
     It needs no examples; given to `fit`, they must have the checkpoint's skeleton. Motions longer than those in
     training come from a learned constant stretched in time, for the networks are convolutions.
+
+    Its latent codes are arrays of float32: (N, S) in W, or (N, L, S) in W+, one code for each of the L layers of the
+    synthesis network (appendix C.1).
+
+    Attributes:
+        card: what the checkpoint says of itself.
+        network: mapping and synthesis.
+        device: where it computes.
     """
 
-    capabilities: ClassVar[Capabilities] = Capabilities(needs_training=True)
+    capabilities: ClassVar[Capabilities] = Capabilities(needs_training=True, has_latent_space=True)
     options: ModiOptions
 
     def __init__(self, options: ModiOptions) -> None:
         """Load the checkpoint.
 
         Raises:
-            MotionGenError: if none is named, it cannot be read, or motions cannot be made from it.
+            MotionGenError: if it cannot be read, or motions cannot be made from it.
         """
         super().__init__(options)
-        if options.checkpoint is None:
-            raise MotionGenError(
-                "modi makes motions from a trained checkpoint; name one with checkpoint=FOLDER, or train one with "
-                "python -m train generator=modi data=FOLDER"
-            )
-        self.card, weights = load_model(options.checkpoint)
+        folder = BUNDLED_MODEL if options.checkpoint is None else options.checkpoint
+        self.card, weights = load_model(folder)
         if self.card.network.representation != "rotations":
             raise MotionGenError(
-                f"{options.checkpoint}: this network makes joint {self.card.network.representation}, of which no rig's "
+                f"{folder}: this network makes joint {self.card.network.representation}, of which no rig's "
                 "motion can be made; take a checkpoint that was trained with network.representation=rotations"
             )
         hierarchy = build_hierarchy(self.card.layout.skeleton, self.card.layout.feet, self.card.network)
-        self._network = ModiGenerator(hierarchy, self.card.network)
+        self.network = ModiGenerator(hierarchy, self.card.network)
         try:
-            self._network.load_state_dict(weights)
+            self.network.load_state_dict(weights)
         except RuntimeError as error:
             reason = str(error).splitlines()[-1].strip()
-            raise MotionGenError(f"{options.checkpoint}: the weights are not the model's ({reason})") from error
+            raise MotionGenError(f"{folder}: the weights are not the model's ({reason})") from error
         self.device = torch_device(options.device)
-        self._network.eval().to(self.device)
+        self.network.eval().requires_grad_(False).to(self.device)
 
     @property
     def skeleton(self) -> Skeleton:
@@ -82,23 +88,94 @@ class MoDi(Generator):
                 "skeleton that it was trained on only"
             )
 
+    # -- the latent space
+
+    @property
+    def latent_size(self) -> int:
+        """S, the numbers in a code."""
+        return self.card.network.latent_size
+
+    @property
+    def latent_layers(self) -> int:
+        """L, how many codes make one in W+."""
+        return self.network.synthesis.layers
+
     @torch.inference_mode()
+    def latents(self, count: int, seed: int = 0) -> NDArray[np.float32]:
+        """(count, S) random codes in W, truncated as the options say: those that `sample` decodes with that seed."""
+        return np.stack([self._code(seed, index)[0].cpu().numpy() for index in range(count)])
+
+    def mean_latent(self) -> NDArray[np.float32]:
+        """(S,) the mean code, whose motion is the mean motion (section 4.2)."""
+        return np.array(self.network.mean_code.cpu(), dtype=np.float32)
+
+    def decode(self, latents: NDArray[Any], frames: int | None = None) -> list[Motion]:
+        """The motions of codes.
+
+        Args:
+            latents: (N, S) in W, or (N, L, S) in W+.
+            frames: length of each motion; `usual_frames` by default.
+
+        Raises:
+            MotionGenError: if the shape is another, or a number is not finite.
+        """
+        codes = self.check_latents(latents)
+        length = self.usual_frames if frames is None else frames
+        # One at a time, so that a motion cannot depend on its neighbours' rounding.
+        return [self._decoded(code, length, f"latent_{index:04d}") for index, code in enumerate(codes)]
+
+    def check_latents(self, latents: NDArray[Any]) -> NDArray[np.float32]:
+        """(N, L, S) the codes in W+, whether they came in W or W+.
+
+        Raises:
+            MotionGenError: if the shape is neither, or a number is not finite.
+        """
+        codes = np.asarray(latents, dtype=np.float32)
+        layers, size = self.latent_layers, self.latent_size
+        if codes.ndim not in (2, 3) or codes.shape[1:] not in ((size,), (layers, size)):
+            raise MotionGenError(f"latents must have the shape (N, {size}) or (N, {layers}, {size}), not {codes.shape}")
+        if not np.isfinite(codes).all():
+            raise MotionGenError("a latent holds numbers that are not finite; take codes of this checkpoint")
+        return np.repeat(codes[:, None], layers, axis=1) if codes.ndim == 2 else codes
+
+    def invert(self, motion: Motion, seed: int = 0) -> NDArray[np.float32]:
+        """(L, S) the code in W+ whose motion comes closest to `motion`; see `inversion` for more to choose and know.
+
+        Raises:
+            MotionGenError: if the motion has another skeleton or is shorter than a window of the network.
+        """
+        from motiongen.generators.modi.inversion import InversionOptions, invert
+
+        codes: NDArray[np.float32] = invert(self, motion, InversionOptions(seed=seed)).codes[0]
+        return codes
+
+    # -- samples
+
     def _sample(
         self, frames: int, count: int, seed: int, constraints: tuple[Constraint, ...], progress: Progress
     ) -> list[Motion]:
         motions = []
         for index in range(count):
-            # One at a time, so that a motion cannot depend on its neighbours' rounding.
-            random = torch.Generator().manual_seed(sample_seed(seed, index))
-            z = torch.randn(1, self.card.network.latent_size, generator=random).to(self.device)
-            codes = self._network.codes(z, self.options.truncation)
-            made = self._network.synthesis(codes, frames)[0].cpu().numpy()
-            motions.append(self._motion(made[:frames], f"sample_{index:04d}"))
+            motions.append(self._decoded(self._code(seed, index).cpu().numpy(), frames, f"sample_{index:04d}"))
             progress((index + 1) / count)
         return motions
 
-    def _motion(self, made: np.ndarray, name: str) -> Motion:
-        """The motion of (T, E, 4) standardised entities."""
+    @torch.inference_mode()
+    def _code(self, seed: int, index: int) -> torch.Tensor:
+        """(1, S) code of motion `index` of a call with `seed`."""
+        random = torch.Generator().manual_seed(sample_seed(seed, index))
+        z = torch.randn(1, self.latent_size, generator=random).to(self.device)
+        return self.network.codes(z, self.options.truncation)[:, 0]
+
+    @torch.inference_mode()
+    def _decoded(self, code: NDArray[np.float32], frames: int, name: str) -> Motion:
+        """The motion of a code (1, S) or (L, S)."""
+        codes = torch.from_numpy(code).to(self.device).expand(1, self.latent_layers, -1)
+        made = self.network.synthesis(codes, frames)[0].cpu().numpy()
+        return self.motion_of(made[:frames], name)
+
+    def motion_of(self, made: NDArray[Any], name: str) -> Motion:
+        """The motion of (T, E, 4) standardised entities, with its feet cleaned if the options say so."""
         entities = made * self.card.deviation + self.card.mean
         layout = self.card.layout
         motion = from_entities(entities, layout, self.frame_rate, self.card.unit, name)

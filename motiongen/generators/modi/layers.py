@@ -185,20 +185,25 @@ class ModulatedConvolution(nn.Module):
         convolution: the filter.
         latent_size: numbers in a latent code.
         output: whether this is an output layer, which has neither demodulation nor rectifier.
+        smoothing: whether neighbouring frames of what the filter gives are averaged, see `smoothed`.
     """
 
-    def __init__(self, convolution: SkeletalConvolution, latent_size: int, output: bool = False) -> None:
+    def __init__(
+        self, convolution: SkeletalConvolution, latent_size: int, output: bool = False, smoothing: bool = False
+    ) -> None:
         """Add the affine map from code to style, and the bias."""
         super().__init__()
         self.convolution = convolution
         self.style = EqualisedLinear(latent_size, convolution.weight.shape[2], bias=1.0)
         self.bias = _bias(convolution)
-        self.output = output
+        self.output, self.smoothing = output, smoothing
 
     def forward(self, x: Tensor, code: Tensor) -> Tensor:
         """(E, B, T, K) and (B, latent_size) to (E', B, T', K')."""
         style = self.style(code)  # (B, K)
         y = self.convolution(x * style[:, None, :])
+        if self.smoothing:
+            y = smoothed(y)
         if self.output:
             return torch.addcmul(self.bias, y, self.convolution.scale)
         demodulation = (self.convolution.energy(style) + EPSILON).rsqrt()  # (E', B, K')
@@ -234,6 +239,22 @@ def _activated(y: Tensor, scale: Tensor, bias: Tensor) -> Tensor:
     return functional.leaky_relu(torch.addcmul(bias * ACTIVATION_GAIN, y, scale * ACTIVATION_GAIN), SLOPE)
 
 
+def smoothed(x: Tensor) -> Tensor:
+    """(E, B, T, K): each frame averaged with the two beside it, 1 : 2 : 1; those beyond the ends repeat the last.
+
+    A transposed convolution makes even and odd frames from different weights, so that they need not agree, and motions
+    shake with every frame. This removes what alternates from frame to frame and leaves slow changes, as the low-pass
+    filter after such layers of StyleGAN2 does (Karras et al. 2020), on which the networks are built.
+    """
+    before, after = _beside(x)
+    return torch.lerp(x, (before + after) / 2, 0.5)
+
+
+def _beside(x: Tensor) -> tuple[Tensor, Tensor]:
+    """(E, B, T, K), the frame before each, and the one after."""
+    return torch.cat([x[:, :, :1], x[:, :, :-1]], dim=2), torch.cat([x[:, :, 1:], x[:, :, -1:]], dim=2)
+
+
 class SkeletalUnpooling(nn.Module):
     """Copies each entity to those that it is split into, and doubles the frames by linear interpolation (Fig. 11).
 
@@ -250,8 +271,7 @@ class SkeletalUnpooling(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(E, B, T, K) to (E', B, 2 T, K)."""
-        before = torch.cat([x[:, :, :1], x[:, :, :-1]], dim=2)
-        after = torch.cat([x[:, :, 1:], x[:, :, -1:]], dim=2)
+        before, after = _beside(x)
         doubled = torch.stack([torch.lerp(x, before, 0.25), torch.lerp(x, after, 0.25)], dim=3).flatten(2, 3)
         return doubled.index_select(0, self.sources)
 

@@ -63,7 +63,10 @@ class _SynthesisLevel(nn.Module):
             else:
                 scaler = SkeletalConvolution(hierarchy.up_links(level), above, channels, width + 1, "up")
             convolutions.insert(0, scaler)
-        self.layers = nn.ModuleList(ModulatedConvolution(each, options.latent_size) for each in convolutions)
+        self.layers = nn.ModuleList(
+            ModulatedConvolution(each, options.latent_size, smoothing=options.smoothing and each.direction == "up")
+            for each in convolutions
+        )
         shown = SkeletalConvolution(hierarchy.in_place_links(level, 0), channels, options.features, 1)
         self.output = ModulatedConvolution(shown, options.latent_size, output=True)
 

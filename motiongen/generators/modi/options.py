@@ -31,6 +31,9 @@ class NetworkOptions(Options):
         "How a level becomes the next: the paper's convolutional scaler, or pooling and a convolution (Table 2).",
         choices=("convolution", "pooling"),
     )
+    smoothing: bool = option(
+        True, "Average neighbouring frames after each convolutional scaler of the generator, as StyleGAN2 does."
+    )
     skeleton_aware: bool = option(
         True, "Follow the skeleton; false takes motion as an image of entities by frames (Table 2)."
     )

@@ -21,6 +21,7 @@ from motiongen.generators.modi.layers import (
     SkeletalConvolution,
     SkeletalPooling,
     SkeletalUnpooling,
+    smoothed,
 )
 from motiongen.generators.modi.options import NetworkOptions
 from tests.generators.modi.plain_layers import applied, demodulated, filter_of, modulated
@@ -175,6 +176,22 @@ def test_unpooling_copies_entities_and_pooling_undoes_it_where_nothing_moves(hie
     torch.testing.assert_close(up(x), expected[list(hierarchy.owners[0])])
     still = x[:, :, :1].expand(-1, -1, 4, -1)
     torch.testing.assert_close(SkeletalPooling(hierarchy.down_links(1))(up(still)), still)
+
+
+@given(st.integers(1, 3), st.integers(1, 12), st.integers(1, 3), st.integers(0, 2**31))
+def test_smoothing_is_a_short_filter_along_time(entities: int, frames: int, channels: int, seed: int) -> None:
+    torch.manual_seed(seed)
+    x = torch.randn(entities, 2, frames, channels, dtype=torch.float64)
+    lines = functional.pad(x.permute(0, 1, 3, 2).flatten(0, 2)[:, None], (1, 1), mode="replicate")
+    expected = functional.conv1d(lines, torch.tensor([[[0.25, 0.5, 0.25]]], dtype=x.dtype))
+    torch.testing.assert_close(smoothed(x), expected.view(entities, 2, channels, frames).permute(0, 1, 3, 2))
+
+
+def test_smoothing_removes_what_alternates_and_keeps_what_changes_evenly() -> None:
+    alternating = torch.tensor([1.0, -1.0] * 8).view(1, 1, -1, 1)
+    assert smoothed(alternating)[:, :, 1:-1].abs().max() == 0
+    even = torch.arange(16.0).view(1, 1, -1, 1)
+    torch.testing.assert_close(smoothed(even)[:, :, 1:-1], even[:, :, 1:-1])
 
 
 @pytest.mark.parametrize("direction", ["in place", "up", "down"])

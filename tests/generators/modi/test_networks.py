@@ -24,6 +24,7 @@ ABLATIONS = {
     "final architecture": {},
     "one in-place convolution less": {"in_place": 1},
     "pooling": {"scaler": "pooling"},
+    "without smoothing": {"smoothing": False},
     "joint positions": {"representation": "positions"},
     "not skeleton-aware": {"skeleton_aware": False},
     "longer": {"frames": 24},
