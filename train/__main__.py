@@ -63,7 +63,9 @@ def _train(values: dict[str, Any], folder: Path) -> None:
         )
     workers = Workers.join(settings.device)
     try:
-        result = run(ModiTraining(dataset, network, settings, workers), folder, {**values, "generator": name})
+        training = ModiTraining(dataset, network, settings, workers)
+        start = None if values["start"] is None else Path(str(values["start"]))
+        result = run(training, folder, {**values, "generator": name}, start)
     finally:
         workers.leave()
     if workers.leads:

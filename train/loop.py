@@ -31,13 +31,14 @@ COLLAPSE_PATIENCE = 5
 """So many looks in a row must find them so."""
 
 
-def run(training: ModiTraining, folder: Path, record: Mapping[str, Any]) -> dict[str, Any]:
+def run(training: ModiTraining, folder: Path, record: Mapping[str, Any], start: Path | None = None) -> dict[str, Any]:
     """Train to the last iteration; goes on from the newest checkpoint in the folder, if there is one.
 
     Args:
         training: networks and data.
         folder: for checkpoints, logs, pictures and clips.
         record: the composed configuration; kept, with the data's fingerprint and versions.
+        start: another training's checkpoint, to begin from where the folder has none yet.
 
     Returns:
         What came of it: iterations, seconds, the best distance, and where its checkpoint, or else the last one, is.
@@ -47,7 +48,7 @@ def run(training: ModiTraining, folder: Path, record: Mapping[str, Any]) -> dict
             or something cannot be written.
     """
     settings, workers = training.settings, training.workers
-    best = float(_resume(training, folder / CHECKPOINTS).get("best_distance", math.inf))
+    best = float(_resume(training, folder / CHECKPOINTS, start).get("best_distance", math.inf))
     if workers.leads:
         record = {**record, "data_fingerprint": training.dataset.fingerprint, "versions": versions()}
         _begin(folder, record)
@@ -132,9 +133,11 @@ def _begin(folder: Path, record: Mapping[str, Any]) -> None:
         file.write(json.dumps(record, indent=1).encode())
 
 
-def _resume(training: ModiTraining, checkpoints: Path) -> dict[str, Any]:
+def _resume(training: ModiTraining, checkpoints: Path, start: Path | None) -> dict[str, Any]:
     last = newest(checkpoints)
     if last is None:
+        if start is not None:
+            training.load(start, own=False)
         return {}
     kept = training.load(last)
     before, now = dict(kept["settings"]), training.settings.to_dict()

@@ -223,8 +223,13 @@ class ModiTraining:
         state = {"iteration": self.iteration, "settings": self.settings.to_dict(), **record}
         save_checkpoint(folder, self.card(), self.mean_generator.state_dict(), (state, tensors))
 
-    def load(self, folder: Path) -> dict[str, Any]:
+    def load(self, folder: Path, own: bool = True) -> dict[str, Any]:
         """Go on from a checkpoint; returns the record that was kept with it.
+
+        Args:
+            folder: the checkpoint.
+            own: whether it must be of this very training. Another one's needs only weights of the same shapes, so that
+                it can go on with other settings or other data.
 
         Raises:
             MotionGenError: if it is another network's, of other data, or damaged.
@@ -234,7 +239,7 @@ class ModiTraining:
             ("network", card.network, self.network),
             ("data", card.data_fingerprint, self.dataset.fingerprint),
         ):
-            if theirs != ours:
+            if own and theirs != ours:
                 raise MotionGenError(f"{folder}: was trained with another {what}; give the same, or another output")
         state, tensors = load_training(folder)
         try:

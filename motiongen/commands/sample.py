@@ -132,6 +132,7 @@ def _sample(request: Request, folder: Path, composed: str, alone: bool) -> None:
         "seed": request.seed,
         "fit_seconds": fitted - begun,
         "sample_seconds": sampled - fitted,
+        "credit": generator.credit,
     }
     pictures = _draw(request, examples, motions, folder, alone)
     from motiongen.report import make_report
@@ -181,6 +182,8 @@ def _summarise(report: Report, seconds: float, folder: Path, files: Sequence[Pat
     )
     if metrics is not None:
         print(f"coverage {metrics.coverage:.3f}, local patch distance {metrics.local_patch_distance:.3f}")
+    if run["credit"]:
+        print(f"model: {run['credit']}")
     print(f"in {folder}:")
     print("  " + ", ".join(path.name for path in files))
     known = {path.name for path in files}

@@ -83,6 +83,11 @@ class Generator(abc.ABC):
         """Frame rate in Hz of what `sample` returns; known after `fit`, or from the start for a trained generator."""
 
     @property
+    def credit(self) -> str:
+        """Whom those who use its motions must name, and what they may not do with them; empty where nothing is known."""
+        return ""
+
+    @property
     def usual_frames(self) -> int:
         """How many frames a motion has where nobody says: twice the examples' length, at this generator's rate."""
         return round(2 * sum(len(clip) * self.frame_rate / clip.frame_rate for clip in self.examples))
@@ -155,19 +160,28 @@ class Generator(abc.ABC):
 
 
 class LatentGenerator(Generator):
-    """A generator whose motions are points of a latent space (arrays of shape (..., latent size))."""
+    """A generator whose motions are points of a latent space.
+
+    Promises, besides those of all generators:
+        - `sample` with a seed makes the motions of `latents` with that seed;
+        - what `invert` and `mean_latent` return, `decode` takes.
+    """
 
     @abc.abstractmethod
-    def invert(self, motion: Motion, seed: int = 0) -> np.ndarray:
-        """The latent code whose motion comes closest to `motion`."""
-
-    @abc.abstractmethod
-    def decode(self, latents: np.ndarray) -> list[Motion]:
-        """The motions of (N, latent size) latent codes."""
+    def latents(self, count: int, seed: int = 0) -> np.ndarray:
+        """(count, ...) random codes: those of the motions that `sample` makes with `seed`."""
 
     @abc.abstractmethod
     def mean_latent(self) -> np.ndarray:
         """The mean code, whose motion is the mean motion."""
+
+    @abc.abstractmethod
+    def decode(self, latents: np.ndarray, frames: int | None = None) -> list[Motion]:
+        """The motions of codes (N, ...), of `frames` frames each; of `usual_frames` where nobody says."""
+
+    @abc.abstractmethod
+    def invert(self, motion: Motion, seed: int = 0) -> np.ndarray:
+        """The code whose motion comes closest to `motion`."""
 
 
 def seed_number(seed: int | torch.Generator) -> int:

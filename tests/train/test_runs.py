@@ -220,6 +220,27 @@ def test_another_training_in_the_same_output_is_refused(
     assert {path: path.read_bytes() for path in unbroken.rglob("*") if path.is_file()} == before
 
 
+def test_a_run_can_begin_from_another_ones_checkpoint(
+    unbroken: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the same settings it becomes the same; others may change, but for the sizes of the networks."""
+    begun = f"start={unbroken / 'checkpoints' / '00000036'}"
+    given = arguments(data, tmp_path / "same", **OFTEN)
+    assert run(monkeypatch, capsys, [*given, begun])[0] == 0
+    assert checkpoints(tmp_path / "same") == ["00000038", "00000040"]
+    for name in ("model.safetensors", "training.safetensors"):
+        ours, theirs = (folder / "checkpoints" / "00000040" / name for folder in (tmp_path / "same", unbroken))
+        assert ours.read_bytes() == theirs.read_bytes()
+    changed = [*arguments(data, tmp_path / "other", **OFTEN), begun, "trainer.learning_rate=0.1"]
+    assert run(monkeypatch, capsys, [*changed, "network.smoothing=false"])[0] == 0
+    code, _, err = run(
+        monkeypatch, capsys, [*arguments(data, tmp_path / "wide", **OFTEN), begun, "network.channels=[9,8]"]
+    )
+    assert code == 2
+    assert "training cannot go on from it" in err
+    assert not (tmp_path / "wide" / "checkpoints").exists()
+
+
 def test_a_run_that_has_ended_can_be_made_longer(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -51,6 +51,7 @@ class Card:
         data_fingerprint: of the dataset that it was trained on.
         iteration: training steps so far.
         samples: motions seen so far.
+        credit: whose motion it was trained on and what that allows; empty where nobody has said.
     """
 
     network: NetworkOptions
@@ -62,6 +63,7 @@ class Card:
     data_fingerprint: str
     iteration: int = 0
     samples: int = 0
+    credit: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON can hold it."""
@@ -77,6 +79,7 @@ class Card:
             "data_fingerprint": self.data_fingerprint,
             "iteration": self.iteration,
             "samples": self.samples,
+            "credit": self.credit,
         }
 
     @classmethod
@@ -96,6 +99,7 @@ class Card:
             data_fingerprint=str(data["data_fingerprint"]),
             iteration=int(data["iteration"]),
             samples=int(data["samples"]),
+            credit=str(data.get("credit", "")),
         )
         expected = card.layout.count, card.network.features
         if not card.mean.shape == card.deviation.shape == expected:

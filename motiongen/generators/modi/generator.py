@@ -76,6 +76,11 @@ class MoDi(LatentGenerator):
         return self.card.frame_rate
 
     @property
+    def credit(self) -> str:
+        """That of the training data."""
+        return self.card.credit
+
+    @property
     def usual_frames(self) -> int:
         """As many as a motion had in training."""
         return self.card.network.frames
@@ -107,7 +112,8 @@ class MoDi(LatentGenerator):
 
     def mean_latent(self) -> NDArray[np.float32]:
         """(S,) the mean code, whose motion is the mean motion (section 4.2)."""
-        return np.array(self.network.mean_code.cpu(), dtype=np.float32)
+        mean: NDArray[np.float32] = self.network.mean_code.cpu().numpy()
+        return mean.copy()
 
     def decode(self, latents: NDArray[Any], frames: int | None = None) -> list[Motion]:
         """The motions of codes.
