@@ -30,6 +30,9 @@ class Format:
 
 FORMATS = (
     Format(".bvh", "Biovision hierarchy: text, any rig", "motiongen.io.bvh:read_bvh", "motiongen.io.bvh:write_bvh"),
+    Format(
+        ".glb", "binary glTF: game engines, web, with a mesh", "motiongen.io.glb:read_glb", "motiongen.io.glb:write_glb"
+    ),
     Format(".npz", "NumPy archive: fast, bit for bit", "motiongen.io.npz:read_npz", "motiongen.io.npz:write_npz"),
 )
 

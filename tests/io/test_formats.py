@@ -54,9 +54,9 @@ def test_reading_and_writing_import_nothing_heavy(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("clip.fbx", "the suffix '.fbx' is no format of motions; use one of .bvh, .npz"),
-        ("clip.bhv", "the suffix '.bhv' is no format of motions; use one of .bvh, .npz"),
-        ("clip", "no suffix is no format of motions; use one of .bvh, .npz"),
+        ("clip.fbx", "the suffix '.fbx' is no format of motions; use one of .bvh, .glb, .npz"),
+        ("clip.bhv", "the suffix '.bhv' is no format of motions; use one of .bvh, .glb, .npz"),
+        ("clip", "no suffix is no format of motions; use one of .bvh, .glb, .npz"),
     ],
 )
 def test_an_unknown_suffix_lists_the_known_ones(tmp_path: Path, name: str, words: str) -> None:
