@@ -1,4 +1,4 @@
-"""`motiongen render CLIP... OUT`: clips side by side as a video, an animated GIF or a film strip."""
+"""`motiongen render CLIP... OUT`: clips side by side as a video, an animated GIF, a film strip or a page that plays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def run(arguments: Sequence[str]) -> None:
     """Read the clips and draw them."""
     parser = Parser(prog="motiongen render", description="Draw clips side by side as stick figures.")
     parser.add_argument("clips", nargs="+", metavar="CLIP", help="the clips to read")
-    parser.add_argument("out", help="the picture to write: .mp4, .gif, or .png for a film strip")
+    parser.add_argument("out", help="what to write: .mp4, .gif, .png for a film strip, or .html")
     add_reading_arguments(parser)
     parser.add_argument("--size", help="WIDTHxHEIGHT in pixels of the whole, such as 640x480 (default: as needed)")
     parser.add_argument("--rate", type=float, help="pictures a second (default: chosen by format)")

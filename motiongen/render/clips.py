@@ -15,12 +15,13 @@ from motiongen.motion import Motion
 from motiongen.render import draw, schedule, video
 from motiongen.render.camera import Frame, focal_length
 from motiongen.render.palette import SEAM
+from motiongen.render.player import write_player
 from motiongen.render.stage import Panel, cast, views
 from motiongen.render.strip import checked_labels, checked_supersample, film_strip
 
 Progress = Callable[[float], None]
 
-SUFFIXES = (".mp4", ".gif", ".png")
+SUFFIXES = (".mp4", ".gif", ".png", ".html")
 """What `render_clips` can write."""
 
 _SMALLEST, _LARGEST = 48, 8192
@@ -46,12 +47,13 @@ def render_clips(
 
     Args:
         motions: the clips, in order, one panel each.
-        path: where to write; the suffix chooses `.mp4` (needs the extra `video`), `.gif` or `.png` (a film strip).
+        path: where to write; the suffix chooses `.mp4` (needs the extra `video`), `.gif`, `.png` (a film strip) or
+            `.html` (a page that plays them, see `player.write_player`).
         labels: what to write above each clip; by default the clips' names.
         size: width and height of the whole picture in pixels, all panels together; by default as many pixels as the
             panels need. An MP4 has even sides: odd ones grow by a pixel. A film strip is made to fit inside.
         frame_rate: pictures a second; by default the fastest clip's, divided by a whole number to at most 30 for MP4
-            and 15 for GIF. Not for `.png`.
+            and 15 for GIF. Not for `.png` and `.html`.
         seconds: how much of each clip to show; by default all of it.
         supersample: samples a pixel, in each direction, where edges are drawn.
         progress: called after every picture with the share done, 0 to 1.
@@ -65,6 +67,10 @@ def render_clips(
     """
     path = Path(path)
     suffix = _checked_suffix(path, frame_rate)
+    if suffix == ".html":
+        if size is not None:
+            raise MotionGenError("size is for pictures; an .html page fills its window: leave it out")
+        return write_player(motions, path, labels, seconds)
     with files.atomic_path(path) as temporary:
         if suffix == ".png":
             strip = film_strip(motions, labels, size=size, seconds=seconds, supersample=supersample, progress=progress)
@@ -95,8 +101,8 @@ def _checked_suffix(path: Path, frame_rate: float | None) -> str:
         )
     if frame_rate is None:
         return suffix
-    if suffix == ".png":
-        raise MotionGenError("frame_rate is for .mp4 and .gif; a film strip shows poses evenly in time: leave it out")
+    if suffix in (".png", ".html"):
+        raise MotionGenError(f"frame_rate is for .mp4 and .gif; a {suffix} file has no rate of its own: leave it out")
     highest = video.KINDS[suffix].highest_rate
     if not (math.isfinite(frame_rate) and 0 < frame_rate <= highest):
         raise MotionGenError(f"frame_rate must be above 0 and at most {highest:g} Hz for {suffix}, not {frame_rate}")
