@@ -29,6 +29,7 @@ FLOORS = {
     "motiongen.easing": 0,
     "motiongen.adapt": 0,
     "motiongen.stance": 1,
+    "motiongen.root_motion": 1,
     # what is made of them
     "motiongen.assets": 1,
     "motiongen.io": 1,

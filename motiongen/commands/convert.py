@@ -1,4 +1,4 @@
-"""`motiongen convert IN OUT`: another format, rate, unit or up axis."""
+"""`motiongen convert IN OUT`: another format, rate, unit or up axis; root motion taken out or set apart."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from motiongen import io
 from motiongen.commands.arguments import Parser, add_reading_arguments
 from motiongen.motion import METRES_PER_UNIT, UP_AXES
+from motiongen.root_motion import in_place, split_root
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -19,12 +20,22 @@ def run(arguments: Sequence[str]) -> None:
     parser.add_argument("--to-unit", choices=tuple(METRES_PER_UNIT), help="length unit to write")
     parser.add_argument("--to-up", choices=UP_AXES, help="up axis to write")
     parser.add_argument("--mirror", action="store_true", help="exchange left and right")
+    parser.add_argument(
+        "--root-motion",
+        choices=("keep", "in-place", "split"),
+        default="keep",
+        help="in-place: the character stays on the spot; split: a new joint 'root' holds its way and heading",
+    )
     options = parser.parse_args(arguments)
     motion = io.load(options.clip, up=options.up, unit=options.unit)
     if options.rate is not None:
         motion = motion.resample(options.rate)
     if options.mirror:
         motion = motion.mirror()
+    if options.root_motion == "in-place":
+        motion = in_place(motion)
+    elif options.root_motion == "split":
+        motion = split_root(motion)
     if options.to_unit is not None:
         motion = motion.convert_unit(options.to_unit)
     if options.to_up is not None:

@@ -84,7 +84,7 @@ class Generator(abc.ABC):
 
     @property
     def credit(self) -> str:
-        """Whom those who use its motions must name, and what they may not do with them; empty where nothing is known."""
+        """Whom users of its motions must name, and what they may not do with them; empty where nothing is known."""
         return ""
 
     @property

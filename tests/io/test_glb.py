@@ -79,7 +79,7 @@ def test_any_motion_comes_back(motion: Motion) -> None:
     assert again.skeleton.parents == motion.skeleton.parents
     assert again.skeleton.end_sites == motion.skeleton.end_sites
     assert len(again) == len(motion)
-    assert again.up == "y"
+    assert (again.up, again.unit) == ("y", "m" if motion.unit else None)
     if len(motion) > 1:
         assert again.frame_rate == pytest.approx(motion.frame_rate, rel=2e-3)
     size = np.abs(motion.positions).max() + motion.skeleton.height

@@ -14,7 +14,7 @@ from motiongen import rotations as rot
 from motiongen.errors import MotionGenError
 from motiongen.io.glb.container import Container, DamageError, read_container
 from motiongen.io.glb.layout import Array, GlbLayout
-from motiongen.io.glb.writer import END_SITE, SAME_RATE
+from motiongen.io.glb.writer import END_SITE, SAME_RATE, UNKNOWN_UNIT
 from motiongen.motion import Motion
 from motiongen.skeleton import Skeleton
 
@@ -116,11 +116,16 @@ def _motion(container: Container, path: Path, unit: str | None) -> Motion:
         layout.translations_from_nodes(stacked, joints),
         joints,
         rate,
-        unit or "m",
+        unit or _unit(container),
         name=path.stem,
         notes=tuple(notes),
         file_layout=layout,
     )
+
+
+def _unit(container: Container) -> str | None:
+    extras = container.document.get("asset", {}).get("extras") or {}
+    return None if extras.get(UNKNOWN_UNIT) else "m"
 
 
 # -- what stands in the document

@@ -20,6 +20,9 @@ SAME_RATE = 1e-4
 END_SITE = "motiongen_end_site"
 """Marks nodes that are the tips of last bones."""
 
+UNKNOWN_UNIT = "motiongen_unit_unknown"
+"""Marks files whose lengths are not in metres, as they should be, because nobody knows what they are in."""
+
 
 def write_glb(motion: Motion, path: Path) -> None:
     """Write a GLB file (see `motiongen.io.save`): y up, in metres where the unit is known.
@@ -85,7 +88,11 @@ def _new_document(motion: Motion) -> Container:
     nodes.append({"name": f"{motion.name} bones", "mesh": 0, "skin": 0})
     container = Container(
         {
-            "asset": {"version": "2.0", "generator": f"motiongen {__version__}"},
+            "asset": {
+                "version": "2.0",
+                "generator": f"motiongen {__version__}",
+                **({"extras": {UNKNOWN_UNIT: True}} if motion.unit is None else {}),
+            },
             "scene": 0,
             "scenes": [{"name": motion.name, "nodes": [0, len(nodes) - 1]}],
             "nodes": nodes,
