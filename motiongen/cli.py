@@ -6,10 +6,11 @@ one line on standard error and exit code 2.
 
 from __future__ import annotations
 
+import importlib
 import io
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 # Waiting OpenMP threads must sleep, not spin: two busy processes otherwise slow each other down sixty times. It has to
@@ -24,69 +25,44 @@ EXIT_INTERRUPTED = 130
 
 @dataclass(frozen=True)
 class Command:
-    """A sub-command: one line for the overview, and the function that runs it with the arguments after its name."""
+    """A sub-command; its module in `motiongen.commands` has a `run` that takes the arguments after its name.
+
+    Attributes:
+        help: one line for the overview.
+        settings: whether it takes settings as key=value, which Hydra composes and completes.
+    """
 
     help: str
-    run: Callable[[Sequence[str]], None]
-
-
-def _stream(arguments: Sequence[str]) -> None:
-    from motiongen.commands.stream import run
-
-    run(arguments)
-
-
-def _info(arguments: Sequence[str]) -> None:
-    from motiongen.commands.info import run
-
-    run(arguments)
-
-
-def _convert(arguments: Sequence[str]) -> None:
-    from motiongen.commands.convert import run
-
-    run(arguments)
-
-
-def _render(arguments: Sequence[str]) -> None:
-    from motiongen.commands.render import run
-
-    run(arguments)
-
-
-def _list(arguments: Sequence[str]) -> None:
-    from motiongen.commands.list import run
-
-    run(arguments)
-
-
-def _sample(arguments: Sequence[str]) -> None:
-    from motiongen.commands.sample import run
-
-    run(arguments)
-
-
-def _data(arguments: Sequence[str]) -> None:
-    from motiongen.commands.data import run
-
-    run(arguments)
+    settings: bool = False
 
 
 COMMANDS = {
-    "sample": Command("make new motions from example clips (settings as key=value)", _sample),
-    "stream": Command("endless motion, chunk by chunk (settings as key=value)", _stream),
-    "info": Command("what is in a clip, and what is odd about it", _info),
-    "convert": Command("change a clip's format, frame rate, unit or up axis", _convert),
-    "render": Command("clips as a video, an animated GIF or a film strip", _render),
-    "data": Command("datasets of motion windows for training: import, info, pack, unpack", _data),
-    "list": Command("the generators, file formats and constraints there are", _list),
+    "sample": Command("make new motions from example clips, or from a trained model", settings=True),
+    "stream": Command("endless motion, chunk by chunk", settings=True),
+    "latent": Command("between, around and in the midst of a model's motions", settings=True),
+    "invert": Command("the codes of clips in a model's latent space", settings=True),
+    "edit": Command("more or less of an attribute, such as how high a hand is", settings=True),
+    "evaluate": Command("made motions measured against real ones", settings=True),
+    "info": Command("what is in a clip, and what is odd about it"),
+    "convert": Command("change a clip's format, frame rate, unit, up axis or root motion"),
+    "render": Command("clips as a video, an animated GIF, a film strip or a page that plays"),
+    "data": Command("datasets of motion windows for training: import, info, pack, unpack"),
+    "list": Command("the generators, models, file formats and constraints there are"),
 }
+
+
+def run_command(name: str, arguments: Sequence[str]) -> None:
+    """Run a sub-command with the arguments after its name."""
+    importlib.import_module(f"motiongen.commands.{name}").run(arguments)
 
 
 def overview() -> str:
     """What `motiongen --help` prints."""
     width = max(map(len, COMMANDS))
-    lines = [f"  {name:<{width}}  {command.help}" for name, command in COMMANDS.items()]
+    lines = [
+        f"  {name:<{width}}  {command.help}{' (settings as key=value)' if command.settings else ''}"
+        for name, command in COMMANDS.items()
+    ]
     return "\n".join(
         [
             "usage: motiongen COMMAND ...",
@@ -128,11 +104,11 @@ def _dispatch(arguments: Sequence[str]) -> None:
 
         print(f"motiongen {__version__}")
     elif arguments[0] == "-sc":
-        from motiongen.commands.completion import run
+        from motiongen.commands.completion import complete
 
-        run(arguments, list(COMMANDS))
+        complete(arguments, {name: command.settings for name, command in COMMANDS.items()}, run_command)
     elif arguments[0] in COMMANDS:
-        COMMANDS[arguments[0]].run(arguments[1:])
+        run_command(arguments[0], arguments[1:])
     else:
         near = nearest_of(arguments[0], COMMANDS) or ";"
         raise MotionGenError(f"there is no command '{arguments[0]}'{near} the commands are {', '.join(COMMANDS)}")

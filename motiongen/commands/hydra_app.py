@@ -25,6 +25,9 @@ from motiongen.generators.registry import BUILT_IN, specs
 FLAGS = ("--help", "--hydra-help", "--version", "--cfg", "--resolve", "--package", "--multirun", "--info",
          "--experimental-rerun", "--config-path", "--config-name", "--config-dir", "--shell-completion")  # fmt: skip
 
+PATHS = ("input", "output", "from", "to", "coarse", "fine", "around", "data", "recogniser", "direction", "encoder")
+"""Settings that may be paths, which may hold odd characters."""
+
 LAUNCHER_EXTRAS = {"joblib": "sweep", "ray": "ray"}
 
 
@@ -65,8 +68,12 @@ def run_application(task: Callable[[DictConfig], None], config_name: str, argume
     try:
         application()
     except (HydraException, OmegaConfBaseException) as error:
-        choices = [override for override in overrides if override.startswith(("generator=", "constraint="))]
+        choices = [override for override in overrides if override.startswith(("generator=", "constraint=", "task="))]
         raise MotionGenError(_explained(error, config_name, choices)) from error
+    except BrokenPipeError:
+        raise
+    except OSError as error:  # Hydra makes the folder for results
+        raise MotionGenError(f"the results cannot be written ({error}); choose another output") from error
     except SystemExit as leaving:  # after --help and the like; a success is none of the caller's concern
         if leaving.code not in (0, None):
             raise
@@ -98,7 +105,7 @@ def _quoted(argument: str) -> str:
     """`key=path` with the path in quotes where Hydra's grammar would stumble over it."""
     key, equals, value = argument.partition("=")
     plain = re.fullmatch(r"[\w./~+-]*", value) is not None
-    if not equals or plain or key not in ("input", "output") or value[0] in "[{'\"" or "${" in value:
+    if not equals or plain or key not in PATHS or value[0] in "[{'\"" or "${" in value:
         return argument
     is_list = "," in value or "(" in value  # as far as one can tell where no such file exists
     if key == "input" and not Path(value).exists() and (is_list or not is_pattern(value)):

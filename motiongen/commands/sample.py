@@ -56,11 +56,6 @@ class Request:
 
 def run(arguments: Sequence[str]) -> None:
     """Run the command with its overrides."""
-    hydra_application(arguments)
-
-
-def hydra_application(arguments: Sequence[str]) -> None:
-    """The Hydra application, also for Hydra's own flags and for completion."""
     run_application(_task, "sample", arguments)
 
 

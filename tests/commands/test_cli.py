@@ -97,7 +97,7 @@ def test_an_interrupt_is_no_traceback(capsys: pytest.CaptureFixture[str], monkey
     def interrupted(arguments: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(COMMANDS, "list", COMMANDS["list"].__class__("", interrupted))
+    monkeypatch.setattr("motiongen.commands.list.run", interrupted)
     assert run(capsys, "list") == (130, "", "motiongen: stopped\n")
 
 
@@ -170,3 +170,5 @@ def test_completion_knows_commands_and_settings(
     assert "frames=" in complete("motiongen sample ")
     assert complete("motiongen sample generator=") == ["generator=genmm", "generator=modi"]
     assert "generator.alpha=" in complete("motiongen sample generator.a")
+    for name, command in COMMANDS.items():
+        assert ("generator." in complete(f"motiongen {name} ")) == command.settings
