@@ -26,6 +26,7 @@ _LATER = {
     "GeneratorSpec": "motiongen.generators.registry",
     "Capabilities": "motiongen.generators.base",
     "Options": "motiongen.generators.options",
+    "attribute": "motiongen.attributes",
     "option": "motiongen.generators.options",
     "Constraint": "motiongen.generators.constraints",
     "Keyframes": "motiongen.generators.constraints",

@@ -77,7 +77,7 @@ def _across(motion: Motion, to_root: Array) -> Array | None:
     for joint, pair in enumerate(pairs):
         if skeleton.parents[joint] in seen:
             seen.add(joint)  # further out, where limbs swing
-        elif _is_left(skeleton.names[joint], skeleton.names[pair]):
+        elif is_left(skeleton.names[joint], skeleton.names[pair]):
             across = rot.rotate(to_root, motion.positions[:, joint] - motion.positions[:, pair]).mean(axis=0)
             if np.linalg.norm(across) > APART * skeleton.height:
                 seen.add(joint)
@@ -85,7 +85,7 @@ def _across(motion: Motion, to_root: Array) -> Array | None:
     return total if np.linalg.norm(total) > 0.1 else None
 
 
-def _is_left(name: str, other: str) -> bool:
+def is_left(name: str, other: str) -> bool:
     """Whether `name` is the left one of a pair of names: where they first differ it has an l."""
     return next((a for a, b in zip(name.lower(), other.lower()) if a != b), "") == "l"
 

@@ -63,7 +63,7 @@ def read(wheel: Path, ending: str) -> str:
 
 def test_every_module_configuration_and_asset_is_in_the_wheel(names: set[str]) -> None:
     modules = {path.relative_to(ROOT).as_posix() for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
-    assets = {path.relative_to(ROOT).as_posix() for path in (ROOT / "motiongen" / "assets").glob("*.*")}
+    assets = {path.relative_to(ROOT).as_posix() for path in (ROOT / "motiongen" / "assets").rglob("*.*")}
     configs = {f"motiongen/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / "configs").rglob("*.yaml")}
     assert "motiongen/configs/sample.yaml" in configs
     assert any(asset.endswith(".bvh") for asset in assets)

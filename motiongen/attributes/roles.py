@@ -15,6 +15,7 @@ from motiongen.errors import MotionGenError
 from motiongen.mirror import counterparts
 from motiongen.motion import Motion
 from motiongen.skeleton import Skeleton
+from motiongen.stance import is_left
 
 SIDES = ("left", "right")
 
@@ -108,13 +109,7 @@ def _of_side(skeleton: Skeleton, joints: Iterable[int], side: str) -> list[int]:
     """Those of `joints` that are of a side and have a counterpart."""
     pairs = counterparts(skeleton)
     names = skeleton.names
-    return [j for j in joints if pairs[j] != j and _side(names[j], names[pairs[j]]) == side]
-
-
-def _side(name: str, other: str) -> str:
-    """Which of a pair of names this is: where they first differ, the left one has an l."""
-    first = next((a for a, b in zip(name.lower(), other.lower()) if a != b), "")
-    return "left" if first == "l" else "right"
+    return [j for j in joints if pairs[j] != j and is_left(names[j], names[pairs[j]]) == (side == "left")]
 
 
 def _uppermost(skeleton: Skeleton, joints: Sequence[int]) -> list[int]:
