@@ -12,6 +12,9 @@ EXAMPLE_CLIP = _PACKAGE / "assets" / "cmu_01_01.bvh"
 BUNDLED_MODEL = _PACKAGE / "assets" / "modi"
 """The checkpoint of MoDi that is used where none is named; its README.md says what it was trained on and how well."""
 
+BUNDLED_RECOGNISER = _PACKAGE / "assets" / "recogniser"
+"""The recogniser of motions that is used where none is named; it knows the skeleton of `BUNDLED_MODEL`."""
+
 
 def config_folder() -> Path:
     """The Hydra configuration tree: inside the installed package, or at the root of a source checkout."""

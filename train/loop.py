@@ -27,6 +27,12 @@ CHECKPOINTS, BEST = "checkpoints", "best"
 COLLAPSED = 0.02
 """Made motions that differ from each other less than this share of what real ones do have become one."""
 
+MAY_CHANGE = (
+    *("iterations", "device", "log_every", "picture_every", "checkpoint_every", "keep", "measured"),
+    *("recogniser", "evaluate_every"),
+)
+"""Settings that a run may go on with another value of."""
+
 COLLAPSE_PATIENCE = 5
 """So many looks in a row must find them so."""
 
@@ -60,9 +66,14 @@ def run(training: ModiTraining, folder: Path, record: Mapping[str, Any], start: 
         while training.iteration < settings.iterations:
             figures |= training.step()
             done, last = training.iteration, training.iteration == settings.iterations
-            log, look, keep = (
+            log, look, keep, judge = (
                 last or done % every == 0
-                for every in (settings.log_every, settings.picture_every, settings.checkpoint_every)
+                for every in (
+                    settings.log_every,
+                    settings.picture_every,
+                    settings.checkpoint_every,
+                    settings.evaluate_every,
+                )
             )
             if log or look or keep:
                 values = checked(figures, training, folder)
@@ -75,6 +86,8 @@ def run(training: ModiTraining, folder: Path, record: Mapping[str, Any], start: 
             if look and (distance := watch.look(training)) < best:
                 best = distance
                 _save_best(training, folder, {"best_distance": best})
+            if judge:
+                watch.judge(training)
             if keep:
                 _save(training, folder / CHECKPOINTS, {"best_distance": best})
             advance(done / settings.iterations)
@@ -141,8 +154,8 @@ def _resume(training: ModiTraining, checkpoints: Path, start: Path | None) -> di
         return {}
     kept = training.load(last)
     before, now = dict(kept["settings"]), training.settings.to_dict()
-    for name in ("iterations", "device", "log_every", "picture_every", "checkpoint_every", "keep", "measured"):
-        before[name] = now[name]  # these may change on the way
+    for name in MAY_CHANGE:
+        before[name] = now[name]
     if changed := sorted(name for name in now if before.get(name) != now[name]):
         raise MotionGenError(
             f"{last}: was trained with {changed[0]}={before.get(changed[0])}, not {now[changed[0]]}; give the same, or "

@@ -38,3 +38,5 @@ class TrainerSettings(Options):
     checkpoint_every: int = option(500, "Steps from one checkpoint to the next.", minimum=1)
     keep: int = option(3, "Checkpoints to keep, besides the best.", minimum=1)
     measured: int = option(1000, "Motions that are made to measure the distance from real ones.", minimum=50)
+    recogniser: str | None = option(None, "Folder of a recogniser to measure FID and KID by; null measures none.")
+    evaluate_every: int = option(5000, "Steps from one measurement of FID and KID to the next.", minimum=1)

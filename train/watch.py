@@ -11,8 +11,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from motiongen.errors import MotionGenError
+from motiongen.metrics.distribution import kernel_distance
 from motiongen.metrics.frechet import descriptors, frechet_distance
 from motiongen.motion import Motion
+from motiongen.recognition import Recogniser
+from motiongen.recognition.positions import positions_of
 from train.draws import numpy_random, torch_random
 from train.modi import ModiTraining
 
@@ -31,10 +35,16 @@ class Watch:
     """
 
     def __init__(self, folder: Path, training: ModiTraining) -> None:
-        """Open the log; what was logged after the checkpoint that the run goes on from is dropped."""
+        """Open the log; what was logged after the checkpoint that the run goes on from is dropped.
+
+        Raises:
+            MotionGenError: if there is a recogniser to be, and it cannot be read or knows another skeleton.
+        """
         self.folder, self.leads = folder, training.workers.leads
         self.writer: Any = None
         self._real: NDArray[np.float64] | None = None
+        self._recogniser = _recogniser_of(training)
+        self._real_features: NDArray[np.float32] | None = None
         if self.leads:
             from torch.utils.tensorboard import SummaryWriter
 
@@ -72,6 +82,18 @@ class Watch:
         shared = torch.tensor(distance, dtype=torch.float64, device=training.workers.device)
         training.workers.average([shared])
         return float(shared) * training.workers.count
+
+    def judge(self, training: ModiTraining) -> None:
+        """Log FID and KID of motions from the running mean of the weights beside held-back ones, by the recogniser."""
+        if not self.leads or self._recogniser is None:
+            return
+        count = training.settings.measured
+        if self._real_features is None:
+            self._real_features = self._recogniser.features(real_positions(training, count))
+        made = self._recogniser.features(made_positions(training, count))
+        for name, distance in (("fid", frechet_distance), ("kid", kernel_distance)):
+            self.writer.add_scalar(f"recogniser/{name}", distance(self._real_features, made), training.iteration)
+        self.writer.flush()
 
     def _draw(self, training: ModiTraining, made: list[Motion]) -> None:
         from motiongen.render import film_strip
@@ -111,10 +133,45 @@ def made_motions(training: ModiTraining, count: int) -> list[Motion]:
 
 def real_motions(training: ModiTraining, count: int) -> list[Motion]:
     """Held-back windows, or training ones where none are held back; the same at every call."""
-    dataset = training.dataset
-    split = "held_back" if len(dataset.clips("held_back")) else "training"
-    windows = dataset.draw(split, count, numpy_random(training.settings.seed, 0, "real motions"))
+    dataset, windows = training.dataset, _real_windows(training, count)
     return [
         dataset.to_motion(window, standardised=False, name=dataset.names[clip])
         for (clip, _), window in zip(windows, dataset.batch(windows, standardised=False))
     ]
+
+
+@torch.no_grad()
+def made_positions(training: ModiTraining, count: int) -> NDArray[np.float32]:
+    """(count, T, J, 3) joint positions, in skeleton heights, also of a network that makes positions."""
+    z = torch.randn(count, training.network.latent_size, generator=torch_random(training.settings.seed, 0, "shown"))
+    body, rotations = training.body, training.network.representation == "rotations"
+    made = [training.mean_generator(some.to(training.workers.device)).float() for some in z.split(64)]
+    joints = training.dataset.layout.joints
+    rows = [body.positions(each) if rotations else body.entities(each)[:, :, joints] for each in made]
+    positions: NDArray[np.float32] = torch.cat(rows).cpu().numpy()
+    return positions
+
+
+def real_positions(training: ModiTraining, count: int) -> NDArray[np.float32]:
+    """(count, T, J, 3) the same of what `real_motions` gives."""
+    dataset = training.dataset
+    return positions_of(dataset.batch(_real_windows(training, count), standardised=False), dataset.layout)
+
+
+def _real_windows(training: ModiTraining, count: int) -> NDArray[np.int64]:
+    dataset = training.dataset
+    split = "held_back" if len(dataset.clips("held_back")) else "training"
+    return dataset.draw(split, count, numpy_random(training.settings.seed, 0, "real motions"))
+
+
+def _recogniser_of(training: ModiTraining) -> Recogniser | None:
+    folder = training.settings.recogniser
+    if folder is None:
+        return None
+    recogniser = Recogniser.load(folder)
+    if found := recogniser.card.skeleton.difference(training.dataset.skeleton):
+        raise MotionGenError(
+            f"trainer.recogniser={folder} knows another skeleton than the dataset's: {found}; train one on the dataset "
+            "with `python -m train.recogniser`"
+        )
+    return recogniser
