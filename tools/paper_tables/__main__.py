@@ -1,9 +1,13 @@
-"""The command line: `python -m tools.paper_tables genmm [--only table1,figure9] [--seeds 32] [--out FOLDER]`."""
+"""The command line: `python -m tools.paper_tables genmm` or `modi --data FOLDER`; each takes `--help`."""
 
 from __future__ import annotations
 
-import argparse
 import os
+
+# Before torch is first imported: threads of two busy processes that spin while they wait slow each other.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+import argparse
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +16,7 @@ from pathlib import Path
 import motiongen as mg
 from motiongen.errors import MotionGenError, nearest_of
 from motiongen.generators.registry import spec_of
-from tools.paper_tables import page
+from tools.paper_tables import architectures, page
 from tools.paper_tables.cells import Cells, NotMeasuredError, code_version, machine, versions
 from tools.paper_tables.examples import Examples
 from tools.paper_tables.long_outputs import ROOT, figure_9
@@ -24,12 +28,10 @@ SECTIONS: Mapping[str, Callable[[Bench], Section]] = {**TABLES, "figure9": figur
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, write, and say where. Returns the exit code."""
-    # Before torch is first imported: threads of two busy processes that spin while they wait slow each other.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = _parser().parse_args(given)
     try:
-        print(run(options, shlex.join(["python", "-m", "tools.paper_tables", *given])))
+        print(options.run(options, shlex.join(["python", "-m", "tools.paper_tables", *given])))
     except MotionGenError as error:
         print(f"paper_tables: {error}", file=sys.stderr)
         return 2
@@ -83,12 +85,17 @@ def _threads() -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tools.paper_tables", description="Measure a paper's tables anew.")
-    parser.add_argument("paper", choices=["genmm"], help="whose tables")
-    parser.add_argument("--generators", default="genmm", help="registered generators with rows, by commas")
-    parser.add_argument("--only", help=f"what to measure, by commas: {', '.join(SECTIONS)}; default: all")
-    parser.add_argument("--seeds", type=int, help="sequences that a cell is the mean of; default: each table's own")
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data", help="the folder of real clips")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "results" / "genmm", help="where to write")
+    papers = parser.add_subparsers(dest="paper", required=True, metavar="PAPER")
+    genmm = papers.add_parser("genmm", help="GenMM's tables 1 to 4 and figure 9")
+    genmm.set_defaults(run=run)
+    genmm.add_argument("--generators", default="genmm", help="registered generators with rows, by commas")
+    genmm.add_argument("--only", help=f"what to measure, by commas: {', '.join(SECTIONS)}; default: all")
+    genmm.add_argument("--seeds", type=int, help="sequences that a cell is the mean of; default: each table's own")
+    genmm.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data", help="the folder of real clips")
+    genmm.add_argument("--out", type=Path, default=ROOT / "docs" / "results" / "genmm", help="where to write")
+    modi = papers.add_parser("modi", help="MoDi's table 2 and the mixing rows of its table 1")
+    modi.set_defaults(run=architectures.run)
+    architectures.add_arguments(modi)
     return parser
 
 
