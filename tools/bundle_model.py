@@ -28,6 +28,12 @@ from motiongen.report import markdown_table
 COMPARED = 50
 """Motions that tell what halving costs."""
 
+HOUSEKEEPING = (
+    *("iterations", "device", "log_every", "picture_every", "checkpoint_every", "keep", "measured"),
+    *("recogniser", "evaluate_every"),
+)
+"""Settings of a training that its result does not depend on, or that the card says better elsewhere."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the model. Returns the exit code."""
@@ -66,6 +72,7 @@ def bundle(options: argparse.Namespace) -> str:
         lost = _lost(options.checkpoint, fresh)
         size = (fresh / "model.safetensors").stat().st_size
         (fresh / "README.md").write_text(_model_card(card, size, lost, schedule, evaluation, faults))
+        (fresh / "model.safetensors").chmod(0o644)
         shutil.rmtree(options.out, ignore_errors=True)
         fresh.rename(options.out)
     finally:
@@ -108,7 +115,7 @@ def _model_card(
     if schedule is not None:
         lines += ["", "## Schedule", "", "| setting | value |", "| --- | --- |"]
         settings = {**schedule["network"], **schedule["trainer"]}
-        lines += [f"| {name} | {value} |" for name, value in settings.items()]
+        lines += [f"| {name} | {value} |" for name, value in settings.items() if name not in HOUSEKEEPING]
         versions = ", ".join(f"{name} {number}" for name, number in schedule["versions"].items())
         lines += ["", f"Versions: {versions}."]
     if evaluation is not None:
@@ -129,3 +136,7 @@ def _figures(evaluation: dict[str, Any]) -> list[str]:
     for who, physical in evaluation["physical"].items():
         bodies.append([who, *("" if physical[name] is None else f"{physical[name]:.3g}" for name in measured)])
     return [*markdown_table(rows), "", *markdown_table(bodies)]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -9,35 +9,15 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 import math
 import sys
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf
-
-from motiongen.commands.hydra_app import run_application
-from motiongen.commands.settings import leaving_no_empty
 from motiongen.errors import MotionGenError
-
-EXIT_MISTAKE = 2
+from train.application import run_training
 
 
 def main() -> int:
     """Run the Hydra application; the exit code."""
-    try:
-        run_application(_task, "train", sys.argv[1:])
-    except MotionGenError as error:
-        print(f"train: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_MISTAKE
-    except KeyboardInterrupt:
-        print("train: stopped; the same command goes on from the last checkpoint", file=sys.stderr)
-        return 130
-    return 0
-
-
-def _task(config: DictConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    with leaving_no_empty(folder):
-        _train(cast(dict[str, Any], OmegaConf.to_container(config, resolve=True)), folder)
+    return run_training(_train, "train", "train", sys.argv[1:], "the same command goes on from the last checkpoint")
 
 
 def _train(values: dict[str, Any], folder: Path) -> None:

@@ -16,11 +16,12 @@ from motiongen.datasets import Dataset
 from motiongen.errors import MotionGenError
 from motiongen.generators.modi import losses
 from motiongen.generators.modi.body import Body
-from motiongen.generators.modi.checkpoint import Card, Tensors, load_model, load_training, save_checkpoint
+from motiongen.generators.modi.checkpoint import Card, load_model, load_training, save_checkpoint
 from motiongen.generators.modi.hierarchy import build_hierarchy
 from motiongen.generators.modi.networks import Discriminator, ModiGenerator
 from motiongen.generators.modi.options import NetworkOptions
 from train.draws import numpy_random, torch_random
+from train.memory import below, memory_of, remember
 from train.settings import TrainerSettings
 from train.sources import source_of
 from train.workers import Workers
@@ -218,8 +219,7 @@ class ModiTraining:
         for name, network in self._networks().items():
             tensors |= {f"{name}.{key}": value for key, value in network.state_dict().items()}
         for name, optimiser in self.optimisers.items():
-            for number, memory in optimiser.state_dict()["state"].items():
-                tensors |= {f"adam.{name}.{number}.{key}": value for key, value in memory.items()}
+            tensors |= memory_of(optimiser, f"adam.{name}")
         state = {"iteration": self.iteration, "settings": self.settings.to_dict(), **record}
         save_checkpoint(folder, self.card(), self.mean_generator.state_dict(), (state, tensors))
 
@@ -245,13 +245,9 @@ class ModiTraining:
         try:
             self.mean_generator.load_state_dict(mean_weights)
             for name, network in self._networks().items():
-                network.load_state_dict(_below(tensors, f"{name}."))
+                network.load_state_dict(below(tensors, f"{name}."))
             for name, optimiser in self.optimisers.items():
-                memories: dict[int, Tensors] = {}
-                for key, value in _below(tensors, f"adam.{name}.").items():
-                    number, _, what = key.partition(".")
-                    memories.setdefault(int(number), {})[what] = value
-                optimiser.load_state_dict({**optimiser.state_dict(), "state": memories})
+                remember(optimiser, tensors, f"adam.{name}")
             self.mean_path_length.copy_(tensors["mean_path_length"])
             self.iteration = int(state["iteration"])
         except (KeyError, RuntimeError, TypeError, ValueError) as error:
@@ -261,7 +257,3 @@ class ModiTraining:
 
     def _networks(self) -> dict[str, nn.Module]:
         return {"generator": self.generator, "discriminator": self.discriminator}
-
-
-def _below(tensors: Tensors, prefix: str) -> Tensors:
-    return {key.removeprefix(prefix): value for key, value in tensors.items() if key.startswith(prefix)}

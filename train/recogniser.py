@@ -16,12 +16,8 @@ from typing import Any, cast
 
 import numpy as np
 import torch
-from hydra.core.hydra_config import HydraConfig
 from numpy.typing import NDArray
-from omegaconf import DictConfig, OmegaConf
 
-from motiongen.commands.hydra_app import run_application
-from motiongen.commands.settings import leaving_no_empty
 from motiongen.console import progress_bar
 from motiongen.datasets import Dataset
 from motiongen.errors import MotionGenError, nearest_of
@@ -29,9 +25,8 @@ from motiongen.generators.options import Options, option
 from motiongen.recognition import Card, Recogniser
 from motiongen.recognition.positions import first_poses, placed, positions_of
 from motiongen.recognition.pseudo_labels import pseudo_labels
+from train.application import run_training
 from train.draws import numpy_random
-
-EXIT_MISTAKE, EXIT_INTERRUPTED = 2, 130
 
 NAME = "name"
 """The label that every dataset has: the clips' names."""
@@ -71,32 +66,21 @@ class RecogniserSettings(Options):
 
 def main(arguments: Sequence[str]) -> int:
     """Run the Hydra application with its overrides; the exit code."""
-    try:
-        run_application(_task, "recogniser", arguments)
-    except MotionGenError as error:
-        print(f"train.recogniser: {' '.join(str(error).split())}", file=sys.stderr)
-        return EXIT_MISTAKE
-    except KeyboardInterrupt:
-        print("train.recogniser: stopped; nothing is kept", file=sys.stderr)
-        return EXIT_INTERRUPTED
-    return 0
+    return run_training(_train, "recogniser", "train.recogniser", arguments, "nothing is kept")
 
 
-def _task(config: DictConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    with leaving_no_empty(folder):
-        values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
-        del values["output"]
-        data = values.pop("data")
-        settings = RecogniserSettings.build(values)
-        if data is None:
-            raise MotionGenError("data=FOLDER is missing; make one with `motiongen data import CLIPS FOLDER`")
-        if any(folder.iterdir()):
-            raise MotionGenError(f"output={folder} is not empty; remove it, or choose another place")
-        with progress_bar("training") as progress:
-            recogniser = train(Dataset.open(data), settings, progress)
-        recogniser.save(folder)
-        print("\n".join([*summary(recogniser.card), f"recogniser: {folder}"]))
+def _train(values: dict[str, Any], folder: Path) -> None:
+    del values["output"]
+    data = values.pop("data")
+    settings = RecogniserSettings.build(values)
+    if data is None:
+        raise MotionGenError("data=FOLDER is missing; make one with `motiongen data import CLIPS FOLDER`")
+    if any(folder.iterdir()):
+        raise MotionGenError(f"output={folder} is not empty; remove it, or choose another place")
+    with progress_bar("training") as progress:
+        recogniser = train(Dataset.open(data), settings, progress)
+    recogniser.save(folder)
+    print("\n".join([*summary(recogniser.card), f"recogniser: {folder}"]))
 
 
 def train(dataset: Dataset, settings: RecogniserSettings, progress: Callable[[float], None]) -> Recogniser:

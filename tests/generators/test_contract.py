@@ -194,6 +194,34 @@ def test_capabilities_are_true(generator: Generator) -> None:
     assert generator.capabilities.has_latent_space == isinstance(generator, LatentGenerator)
 
 
+def test_samples_are_the_motions_of_their_latents(generator: Generator) -> None:
+    if not isinstance(generator, LatentGenerator):
+        pytest.skip("has no latent space")
+    codes = generator.latents(3, seed=5)
+    sampled = generator.sample(frames=20, count=3, seed=5)
+    for one, other in zip(sampled, generator.decode(codes, frames=20)):
+        assert (one.rotations == other.rotations).all()
+        assert (one.translations == other.translations).all()
+    usual = generator.decode(generator.mean_latent()[None])
+    assert [len(motion) for motion in usual] == [generator.usual_frames]
+    with pytest.raises(MotionGenError, match="latents must have the shape"):
+        generator.decode(codes[..., :-1])
+    with pytest.raises(MotionGenError, match="not finite"):
+        generator.decode(np.full_like(codes, np.nan))
+
+
+def test_an_inverted_motion_comes_back_nearer_than_the_mean_motion(generator: Generator) -> None:
+    if not isinstance(generator, LatentGenerator):
+        pytest.skip("has no latent space")
+    target = generator.sample(frames=generator.usual_frames, seed=3)[0]
+    (found,), (mean,) = (generator.decode(code[None]) for code in (generator.invert(target), generator.mean_latent()))
+
+    def away(motion: Motion) -> float:
+        return float(np.mean(rot.angle_between(motion.rotations, target.rotations)))
+
+    assert away(found) < 0.5 * away(mean)
+
+
 def test_options_are_explained_and_have_a_configuration(name: str) -> None:
     """Each option has help, and the Hydra file of a built-in generator holds just its options with their defaults."""
     import dataclasses

@@ -152,7 +152,7 @@ class MoDi(LatentGenerator):
         """
         from motiongen.generators.modi.inversion import InversionOptions, invert
 
-        codes: NDArray[np.float32] = invert(self, motion, InversionOptions(seed=seed)).codes[0]
+        codes: NDArray[np.float32] = invert(self, motion, InversionOptions(seed=seed, windows=1)).codes[0]
         return codes
 
     # -- samples

@@ -221,15 +221,16 @@ class _DiscriminatorLevel(nn.Module):
         return torch.addcmul(self.layers(x) * math.sqrt(0.5), skip, self.skip.scale * math.sqrt(0.5))
 
 
-class Discriminator(nn.Module):
-    """Motion to a score, high for real ones: the synthesis network in reverse (Fig. 14).
+class MotionTrunk(nn.Module):
+    """Motion to features of its coarsest level: the synthesis network in reverse (Fig. 14), for what reads motions.
 
     Args:
         hierarchy: the skeleton at all levels.
         options: the sizes.
+        extra: channels that come in beside the features before the last convolution.
     """
 
-    def __init__(self, hierarchy: Hierarchy, options: NetworkOptions) -> None:
+    def __init__(self, hierarchy: Hierarchy, options: NetworkOptions, extra: int = 0) -> None:
         """Draw the weights."""
         super().__init__()
         _check_levels(hierarchy, options)
@@ -238,22 +239,42 @@ class Discriminator(nn.Module):
         self.input = ActivatedConvolution(SkeletalConvolution(each_alone, options.features, finest, 1))
         levels = reversed(range(1, len(hierarchy)))
         self.levels = nn.Sequential(*(_DiscriminatorLevel(hierarchy, level, options) for level in levels))
-        self.group = options.deviation_group
         near = hierarchy.in_place_links(0, options.neighbour_distance)
-        inputs = coarsest + (1 if self.group > 1 else 0)
-        self.last = ActivatedConvolution(SkeletalConvolution(near, inputs, coarsest, options.kernel_width))
-        self.judge = nn.Sequential(
-            EqualisedLinear(hierarchy.entities[0] * options.frames_at(0) * coarsest, coarsest, activate=True),
-            EqualisedLinear(coarsest, 1),
-        )
+        self.last = ActivatedConvolution(SkeletalConvolution(near, coarsest + extra, coarsest, options.kernel_width))
+        self.outputs = hierarchy.entities[0] * options.frames_at(0) * coarsest
+
+    def coarsest(self, motions: Tensor) -> Tensor:
+        """(B, T, E, K) motions to (E', B, T', K') features, before the last convolution."""
+        x: Tensor = self.levels(self.input(motions.permute(2, 0, 1, 3)))
+        return x
+
+    def flat(self, x: Tensor) -> Tensor:
+        """(E', B, T', K' + extra) to (B, outputs), after the last convolution."""
+        y: Tensor = self.last(x)
+        return y.transpose(0, 1).flatten(1)
+
+
+class Discriminator(MotionTrunk):
+    """Motion to a score, high for real ones (Fig. 14).
+
+    Args:
+        hierarchy: the skeleton at all levels.
+        options: the sizes.
+    """
+
+    def __init__(self, hierarchy: Hierarchy, options: NetworkOptions) -> None:
+        """Draw the weights."""
+        super().__init__(hierarchy, options, extra=1 if options.deviation_group > 1 else 0)
+        self.group = options.deviation_group
+        coarsest = options.channels[0]
+        self.judge = nn.Sequential(EqualisedLinear(self.outputs, coarsest, activate=True), EqualisedLinear(coarsest, 1))
 
     def forward(self, motions: Tensor) -> Tensor:
         """(B, T, E, K) to (B,) scores, as logits."""
-        x = self.levels(self.input(motions.permute(2, 0, 1, 3)))  # (E, B, T, K)
+        x = self.coarsest(motions)
         if self.group > 1:
             x = with_deviation(x, self.group)
-        x = self.last(x)
-        scores: Tensor = self.judge(x.transpose(0, 1).flatten(1)).squeeze(1)
+        scores: Tensor = self.judge(self.flat(x)).squeeze(1)
         return scores
 
 
