@@ -40,7 +40,7 @@ from motiongen.generators.modi.directions import (
     scores_of,
 )
 from motiongen.generators.modi.generator import MoDi
-from motiongen.generators.modi.latents import SUFFIX
+from motiongen.generators.modi.model_files import SUFFIX
 from motiongen.motion import Motion
 from motiongen.render import film_strip
 from motiongen.report import markdown_table

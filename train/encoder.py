@@ -28,8 +28,8 @@ from motiongen.generators.modi.composites import cut_off, noised, spliced, with_
 from motiongen.generators.modi.encoder import FORMAT, WEIGHTS, Encoder, new_network, read_tensors, save_tensors
 from motiongen.generators.modi.generator import MoDi
 from motiongen.generators.modi.inversion import body_of, on_device
-from motiongen.generators.modi.latents import fingerprint
 from motiongen.generators.modi.likeness import MotionError, distances, errors, mean_error, seen
+from motiongen.generators.modi.model_files import fingerprint
 from motiongen.generators.modi.options import ModiOptions
 from motiongen.generators.options import Options, option
 from train.application import run_training

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from motiongen.assets import BUNDLED_MODEL
 from motiongen.attributes import Attribute
 from motiongen.errors import MotionGenError
-from motiongen.files import atomic_write, open_to_read
+from motiongen.files import atomic_write
 from motiongen.generators.base import Progress
 from motiongen.generators.modi.generator import MoDi
-from motiongen.generators.modi.latents import SUFFIX, fingerprint
+from motiongen.generators.modi.model_files import SUFFIX, check_origin, fingerprint, not_one, read_model_file
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.float32]
@@ -302,25 +302,15 @@ def load_direction(path: str | Path, generator: MoDi) -> Direction:
     Raises:
         MotionGenError: if it cannot be read, or the direction is another model's.
     """
-    from safetensors import safe_open
-
-    open_to_read(path).close()
+    what = "file of a direction"
+    tensors, notes = read_model_file(path, what)
     try:
-        with safe_open(path, framework="numpy") as file:
-            normal, notes = file.get_tensor("normal"), file.metadata()
-        told = json.loads(notes["direction"])
+        normal, told = tensors["normal"], json.loads(notes["direction"])
         direction = Direction(normal=normal, **told | {"orthogonal_to": tuple(told["orthogonal_to"])})
-        model, number = notes["model"], int(notes["format"])
-    except Exception as error:  # the reader of safetensors raises exceptions of many kinds
-        raise MotionGenError(
-            f"{path}: this is no file of a direction ({error}); take one that motiongen wrote"
-        ) from error
-    if number > FORMAT:
-        raise MotionGenError(
-            f"{path}: a direction in format {number}; this version reads up to {FORMAT}; update motiongen"
-        )
-    if model != fingerprint(generator):
-        raise MotionGenError(f"{path}: the direction is another model's; take the checkpoint that it was learnt with")
+        number, model = int(notes["format"]), notes["model"]
+    except (KeyError, TypeError, ValueError, MotionGenError) as error:
+        raise not_one(path, what, error) from error
+    check_origin(path, what, number, FORMAT, model, generator)
     generator.check_latents(normal[None])
     return direction
 

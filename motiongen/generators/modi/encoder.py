@@ -12,14 +12,14 @@ import torch
 from torch import Tensor, nn
 
 from motiongen.errors import MotionGenError
-from motiongen.files import atomic_write, open_to_read
+from motiongen.files import atomic_write
 from motiongen.generators.modi.alignment import Floats, Track, bring, standardised
 from motiongen.generators.modi.composites import cut_off, spliced, with_joints
 from motiongen.generators.modi.generator import MoDi
 from motiongen.generators.modi.hierarchy import Hierarchy, build_hierarchy
 from motiongen.generators.modi.inversion import Inversion, deviation_of_codes, judged, on_device
-from motiongen.generators.modi.latents import fingerprint
 from motiongen.generators.modi.layers import EqualisedLinear
+from motiongen.generators.modi.model_files import check_origin, not_one, read_model_file
 from motiongen.generators.modi.networks import MotionTrunk
 from motiongen.generators.modi.options import NetworkOptions
 from motiongen.motion import Motion
@@ -95,14 +95,7 @@ class Encoder:
             MotionGenError: if there is none, it is damaged, or belongs to another model.
         """
         notes, tensors = read_tensors(Path(folder).expanduser() / WEIGHTS)
-        if notes["format"] > FORMAT:
-            raise MotionGenError(
-                f"{folder}: an encoder in format {notes['format']}; this version reads up to {FORMAT}; update motiongen"
-            )
-        if notes["model"] != fingerprint(generator):
-            raise MotionGenError(
-                f"{folder}: the encoder is another model's; take the checkpoint that it was trained with"
-            )
+        check_origin(folder, "folder of an encoder", notes["format"], FORMAT, notes["model"], generator)
         network = new_network(generator)
         try:
             network.load_state_dict(tensors)
@@ -246,15 +239,11 @@ def read_tensors(path: Path) -> tuple[dict[str, Any], dict[str, Tensor]]:
     Raises:
         MotionGenError: if it cannot be read.
     """
-    from safetensors import safe_open
-
-    open_to_read(path).close()
+    what = "encoder"
+    tensors, metadata = read_model_file(path, what)
     try:
-        with safe_open(path, framework="pt") as file:
-            names = list(file.keys())
-            tensors = {name: file.get_tensor(name) for name in names}
-            notes = json.loads(file.metadata()["notes"])
-            format_number, model = int(notes["format"]), str(notes["model"])
-    except Exception as error:  # the reader of safetensors raises exceptions of many kinds
-        raise MotionGenError(f"{path}: this is no encoder ({error}); take one of python -m train.encoder") from error
-    return notes | {"format": format_number, "model": model}, tensors
+        notes = json.loads(metadata["notes"])
+        known = {"format": int(notes["format"]), "model": str(notes["model"])}
+    except (KeyError, TypeError, ValueError) as error:
+        raise not_one(path, what, error) from error
+    return notes | known, {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}

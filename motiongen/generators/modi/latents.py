@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.errors import MotionGenError
-from motiongen.files import atomic_write, open_to_read
+from motiongen.files import atomic_write
 from motiongen.generators.modi.generator import MoDi
+from motiongen.generators.modi.model_files import SUFFIX, check_origin, fingerprint, not_one, read_model_file
 
 FORMAT = 1
-
-SUFFIX = ".safetensors"
 
 
 @dataclass(frozen=True)
@@ -32,15 +30,6 @@ class Latents:
 
     codes: NDArray[np.float32]
     names: tuple[str, ...]
-
-
-def fingerprint(generator: MoDi) -> str:
-    """What tells the weights that codes belong to from others."""
-    digest = hashlib.sha256()
-    for name, weight in sorted(generator.network.state_dict().items()):
-        digest.update(name.encode())
-        digest.update(weight.cpu().numpy().tobytes())
-    return digest.hexdigest()[:16]
 
 
 def save_latents(path: str | Path, generator: MoDi, codes: NDArray[Any], names: Sequence[str]) -> None:
@@ -73,20 +62,14 @@ def load_latents(path: str | Path, generator: MoDi) -> Latents:
     Raises:
         MotionGenError: if it cannot be read, or the codes are another model's.
     """
-    from safetensors import safe_open
-
-    open_to_read(path).close()
+    what = "file of latents"
+    tensors, notes = read_model_file(path, what)
     try:
-        with safe_open(path, framework="numpy") as file:
-            codes, notes = file.get_tensor("codes"), file.metadata()
-        names = tuple(str(name) for name in json.loads(notes["names"]))
-        model, number = notes["model"], int(notes["format"])
-    except Exception as error:  # the reader of safetensors raises exceptions of many kinds
-        raise MotionGenError(f"{path}: this is no file of latents ({error}); take one that motiongen wrote") from error
-    if number > FORMAT:
-        raise MotionGenError(f"{path}: latents in format {number}; this version reads up to {FORMAT}; update motiongen")
-    if model != fingerprint(generator):
-        raise MotionGenError(f"{path}: the latents are another model's; take the checkpoint that they were made with")
+        codes, names = tensors["codes"], tuple(str(name) for name in json.loads(notes["names"]))
+        number, model = int(notes["format"]), notes["model"]
+    except (KeyError, TypeError, ValueError) as error:
+        raise not_one(path, what, error) from error
+    check_origin(path, what, number, FORMAT, model, generator)
     generator.check_latents(codes)
     if len(names) != len(codes):
         raise MotionGenError(f"{path}: {len(codes)} latents with {len(names)} names; the file is damaged")

@@ -20,7 +20,7 @@ from motiongen.generators.modi.composites import cut_off, noised, spliced, with_
 from motiongen.generators.modi.encoder import FORMAT, WEIGHTS, Encoder, new_network, save_tensors
 from motiongen.generators.modi.generator import MoDi
 from motiongen.generators.modi.inversion import InversionOptions, invert
-from motiongen.generators.modi.latents import fingerprint
+from motiongen.generators.modi.model_files import fingerprint
 from tests.checkpoints import random_checkpoint
 from tests.datasets.clips import FIGURE, stride
 from tests.train.runs import FRAMES, make_dataset, training_of
@@ -197,7 +197,7 @@ def test_an_encoder_comes_back_as_it_was_and_belongs_to_its_model(encoder: Encod
     np.testing.assert_array_equal(Encoder.load(tmp_path, generator).codes(windows), encoder.codes(windows))
     other = mg.create("modi", checkpoint=str(random_checkpoint(tmp_path / "other", FIGURE)))
     assert isinstance(other, MoDi)
-    with pytest.raises(MotionGenError, match="the encoder is another model's; take the checkpoint"):
+    with pytest.raises(MotionGenError, match="of another model; take the checkpoint"):
         Encoder.load(tmp_path, other)
     save_tensors(tmp_path / WEIGHTS, notes | {"format": FORMAT + 1}, encoder.network.state_dict())
     with pytest.raises(MotionGenError, match=f"in format {FORMAT + 1}; this version reads up to {FORMAT}"):

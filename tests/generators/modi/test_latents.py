@@ -13,7 +13,8 @@ from safetensors.numpy import save
 import motiongen as mg
 from motiongen.errors import MotionGenError
 from motiongen.generators.modi.generator import MoDi
-from motiongen.generators.modi.latents import FORMAT, fingerprint, load_latents, save_latents
+from motiongen.generators.modi.latents import FORMAT, load_latents, save_latents
+from motiongen.generators.modi.model_files import fingerprint
 from tests.checkpoints import random_checkpoint
 from tests.datasets.clips import FIGURE
 
@@ -70,7 +71,7 @@ def test_codes_of_another_model_are_refused(generator: MoDi, checkpoint: Path, t
     save_latents(path, generator, generator.latents(2), ["a", "b"])
     other = modi(checkpoint)
     other.network.mean_code[0] += 1e-3
-    with pytest.raises(MotionGenError, match="another model's; take the checkpoint that they were made with"):
+    with pytest.raises(MotionGenError, match="of another model; take the checkpoint that it was made with"):
         load_latents(path, other)
 
 
