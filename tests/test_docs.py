@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 import shlex
 from pathlib import Path
+from typing import cast
 
 import pytest
 
 import motiongen as mg
 from motiongen.assets import EXAMPLE_CLIP
 from motiongen.cli import main
+from motiongen.generators.modi.encoder import FORMAT, WEIGHTS, new_network, save_tensors
+from motiongen.generators.modi.model_files import fingerprint
 from tests.checkpoints import random_checkpoint
 from tests.conftest import ROOT
 
@@ -26,7 +29,7 @@ def commands(page: str) -> list[str]:
     return [line for line in lines if line.startswith("motiongen ")]
 
 
-README, APPLICATIONS = "README.md", "docs/applications.md"
+README, APPLICATIONS, LATENT = "README.md", "docs/applications.md", "docs/latent.md"
 COMMANDS = [command for page in (README, APPLICATIONS) for command in commands(page)]
 CONTROLS = re.findall(r"\| `(constraint=[^`]+)` \|", (ROOT / README).read_text())
 
@@ -68,6 +71,47 @@ def test_programs_work(page: str, written: str, frames: int) -> None:
     for block in blocks(page, "python"):
         exec(compile(block, page, "exec"), names)
     assert len(mg.load(f"{written}.bvh")) == frames
+
+
+@pytest.fixture
+def figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clips on the bundled model's skeleton, under the names that the page takes, and an encoder without training."""
+    monkeypatch.chdir(tmp_path)
+    model = mg.create("modi")
+    for name, motion in zip(("walk", "run"), model.sample(frames=64, count=2, seed=0)):
+        motion.save(f"{name}.bvh")
+    network = new_network(model)
+    notes = {"format": FORMAT, "model": fingerprint(model)}
+    Path("runs/encoder").mkdir(parents=True)
+    save_tensors(Path("runs/encoder") / WEIGHTS, notes, network.state_dict())
+
+
+SMALLER = {
+    "latent": ["frames=16", "poses=2"],
+    "invert": ["inversion.steps=2", "inversion.candidates=2"],
+    "edit": ["samples=60", "poses=2", "frames=16"],
+    "sample": ["preview=none", "frames=16"],
+}
+"""What makes the page's commands quick."""
+
+
+@pytest.mark.parametrize("command", [line for line in commands(LATENT) if "task=clusters" not in line])
+@pytest.mark.usefixtures("figures")
+def test_commands_of_the_latent_space_work(command: str) -> None:
+    arguments = shlex.split(command)[1:]
+    given = {argument.partition("=")[0] for argument in arguments}
+    more = [each for each in SMALLER[arguments[0]] if each.partition("=")[0] not in given - {"samples"}]
+    assert main([*arguments, *more]) == 0
+
+
+@pytest.mark.usefixtures("figures")
+def test_programs_of_the_latent_space_work() -> None:
+    names: dict[str, object] = {}
+    for block in blocks(LATENT, "python"):
+        smaller = block.replace("10_000", "60").replace("3000", "50").replace("steps=100", "steps=2")
+        exec(compile(smaller, LATENT, "exec"), names)
+    assert len(cast(list[float], names["scores"])) == 3
+    assert Path("crowd.png").exists()
 
 
 def test_every_constraint_has_its_command_and_its_program() -> None:

@@ -111,6 +111,12 @@ def test_an_earlier_runs_motions_are_named_not_removed(
 CONFIGURATIONS = {
     "sample": ("generator", "constraint"),
     "stream": ("generator",),
+    "latent": ("generator", "task"),
+    "invert": ("generator",),
+    "edit": ("generator",),
+    "evaluate": ("generator",),
+    "encoder": (),
+    "recogniser": (),
     "train": ("generator", "network", "trainer", "experiment"),
 }
 """The groups of choices that each has."""
@@ -141,6 +147,8 @@ def test_every_configuration_composes_with_every_choice(name: str, group: str) -
             elif group == "experiment":  # these change `network`
                 assert config.network.keys() == plain.network.keys()
                 assert config.network != plain.network
+            elif group == "task":  # these lie at the top
+                assert config.task == choice
             else:
                 assert config[group].keys() == plain[group].keys()
 
