@@ -2,6 +2,7 @@
 # POSIX make and shell only: this runs with Debian's tools and with those of macOS.
 
 PYTHON = python3
+BLENDER_PYTHON = python3.11
 WORKERS = 2
 VENV = .venv
 READY = $(VENV)/.ready
@@ -14,6 +15,8 @@ help:
 	@echo "make test    all tests, on WORKERS=$(WORKERS) processes"
 	@echo "make lint    style and types"
 	@echo "make bench   the benchmarks in tools/"
+	@echo "make blender the Blender extension, into dist/"
+	@echo "make test-blender   its tests in real Blender (950 MB, BLENDER_PYTHON=$(BLENDER_PYTHON))"
 	@echo "make venv    only $(VENV), which the others make too; PYTHON=$(PYTHON) says with which Python"
 
 venv: $(READY)
@@ -35,6 +38,19 @@ bench: $(READY)
 		name=$$(basename "$$file" .py); echo "-- $$name"; $(RUN)/python -m "tools.$$name" || exit 1; \
 	done
 
+# The extension imports nothing of motiongen: what it needs is in its folder.
+blender: $(READY)
+	@mkdir -p dist
+	cd blender/motiongen_blender && ../../$(VENV)/bin/python -m zipfile -c ../../dist/motiongen_blender.zip *.py *.toml
+
+test-blender: $(READY) .venv-blender/.ready
+	MOTIONGEN_BLENDER_PYTHON=$(CURDIR)/.venv-blender/bin/python $(RUN)/python -m pytest tests/blender
+
+.venv-blender/.ready:
+	$(BLENDER_PYTHON) -m venv .venv-blender
+	.venv-blender/bin/python -m pip install --quiet 'bpy==4.5.*'
+	@touch $@
+
 # An existing environment is brought up to date, not made anew: the pins are what counts.
 $(READY): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null 2>&1 || { \
@@ -47,4 +63,4 @@ $(READY): pyproject.toml constraints.txt
 	$(PIP) install -c constraints.txt -e '.[video,plots,latent,test,lint]'
 	@touch $(READY)
 
-.PHONY: help venv demo test lint bench
+.PHONY: help venv demo test lint bench blender test-blender

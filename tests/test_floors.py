@@ -56,7 +56,6 @@ FLOORS = {
     "motiongen.commands": 4,
     "motiongen.cli": 4,
     "motiongen.web": 4,
-    "motiongen.blender": 4,
     # programs
     "train": 5,
     "tools": 5,
@@ -78,7 +77,6 @@ OUTSIDE = {
     "omegaconf": (*HYDRA_COMMANDS, *PROGRAMS),
     "PIL": ("motiongen.render", "motiongen.commands.render", *PROGRAMS),
     "viser": ("motiongen.web", *PROGRAMS),
-    "bpy": ("motiongen.blender",),
     "safetensors": PROGRAMS,
     "rich": PROGRAMS,
     "matplotlib": PROGRAMS,
