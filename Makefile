@@ -15,6 +15,7 @@ help:
 	@echo "make test    all tests, on WORKERS=$(WORKERS) processes"
 	@echo "make lint    style and types"
 	@echo "make bench   the benchmarks in tools/"
+	@echo "make docs    the documentation site, into build/site"
 	@echo "make blender the Blender extension, into dist/"
 	@echo "make test-blender   its tests in real Blender (950 MB, BLENDER_PYTHON=$(BLENDER_PYTHON))"
 	@echo "make venv    only $(VENV), which the others make too; PYTHON=$(PYTHON) says with which Python"
@@ -37,6 +38,11 @@ bench: $(READY)
 	@for file in tools/bench_*.py; do \
 		name=$$(basename "$$file" .py); echo "-- $$name"; $(RUN)/python -m "tools.$$name" || exit 1; \
 	done
+
+docs: $(READY)
+	$(PIP) install --quiet -c constraints.txt -e '.[docs]'
+	$(RUN)/python -m tools.list_errors docs/errors.md
+	NO_MKDOCS_2_WARNING=1 $(RUN)/python -m mkdocs build --strict
 
 # The extension imports nothing of motiongen: what it needs is in its folder.
 blender: $(READY)
@@ -63,4 +69,4 @@ $(READY): pyproject.toml constraints.txt
 	$(PIP) install -c constraints.txt -e '.[video,plots,latent,test,lint]'
 	@touch $(READY)
 
-.PHONY: help venv demo test lint bench blender test-blender
+.PHONY: help venv demo test lint bench docs blender test-blender
