@@ -26,15 +26,6 @@ TOLERANCE = 5e-6  # of the rig's height: Blender's own numbers have 24 bits
 
 
 @pytest.fixture(scope="session")
-def blender() -> str:
-    """The Python that can import `bpy`."""
-    python = os.environ.get("MOTIONGEN_BLENDER_PYTHON", str(ROOT / ".venv-blender" / "bin" / "python"))
-    if not Path(python).is_file():
-        pytest.skip(f"no Python with Blender's bpy at {python}; `make test-blender` makes it")
-    return python
-
-
-@pytest.fixture(scope="session")
 def command(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A program that runs this checkout's worker."""
     path = tmp_path_factory.mktemp("bin") / "motiongen"

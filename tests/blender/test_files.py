@@ -1,0 +1,50 @@
+"""Files that Blender's own importers read: every bone stands where the library has it, at every frame."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import motiongen as mg
+from motiongen import Motion
+from motiongen.assets import EXAMPLE_CLIP
+from tests.strategies import random_motion, random_skeleton
+
+CLOSE = 5e-6
+"""Of the height."""
+
+
+@pytest.fixture(scope="module")
+def motions(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Motion]:
+    """What is in each file, as the library reads it back."""
+    folder = tmp_path_factory.mktemp("files")
+    rng = np.random.default_rng(4)
+    skeleton = random_skeleton(rng, 14)
+    noise = random_motion(rng, skeleton, frames=12, translating=(0,), smooth=True).replace(frame_rate=30.0, unit="m")
+    known = {}
+    for name, motion in (("clip", mg.load(EXAMPLE_CLIP)[:40]), ("noise", noise)):
+        for suffix in (".glb", ".bvh"):
+            motion.change_up("y").save(folder / f"{name}{suffix}")
+            known[folder / f"{name}{suffix}"] = mg.load(
+                folder / f"{name}{suffix}", up=None if suffix == ".glb" else "y"
+            )
+    return known
+
+
+def test_bones_stand_where_the_library_has_them(blender: str, motions: dict[Path, Motion], tmp_path: Path) -> None:
+    out, script = tmp_path / "places.json", Path(__file__).with_name("import_files.py")
+    files = [f"{path}:30:1.0" for path in motions]
+    ended = subprocess.run([blender, str(script), str(out), *files], check=False, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr[-2000:]
+    found = json.loads(out.read_text())
+    for path, motion in motions.items():
+        size = np.abs(motion.positions).max() + motion.skeleton.height
+        for joint, name in enumerate(motion.skeleton.names):
+            theirs = np.array(found[str(path)][name])
+            ours = motion.positions[:, joint][:, [0, 2, 1]] * [1, -1, 1]
+            assert len(theirs) == len(ours), path.name
+            np.testing.assert_allclose(theirs, ours, atol=CLOSE * size, err_msg=f"{path.name}, {name}")
