@@ -33,6 +33,9 @@ FORMATS = (
     Format(
         ".glb", "binary glTF: game engines, web, with a mesh", "motiongen.io.glb:read_glb", "motiongen.io.glb:write_glb"
     ),
+    Format(
+        ".fbx", "FBX, through Blender where it is installed", "motiongen.io.fbx:read_fbx", "motiongen.io.fbx:write_fbx"
+    ),
     Format(".npz", "NumPy archive: fast, bit for bit", "motiongen.io.npz:read_npz", "motiongen.io.npz:write_npz"),
 )
 

@@ -12,6 +12,7 @@ import pytest
 import motiongen as mg
 from motiongen import Motion
 from motiongen.assets import EXAMPLE_CLIP
+from motiongen.errors import MotionGenError
 from tests.strategies import random_motion, random_skeleton
 
 CLOSE = 5e-6
@@ -48,3 +49,19 @@ def test_bones_stand_where_the_library_has_them(blender: str, motions: dict[Path
             ours = motion.positions[:, joint][:, [0, 2, 1]] * [1, -1, 1]
             assert len(theirs) == len(ours), path.name
             np.testing.assert_allclose(theirs, ours, atol=CLOSE * size, err_msg=f"{path.name}, {name}")
+
+
+def test_fbx_goes_through_blender_and_back(
+    blender: str, motions: dict[Path, Motion], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MOTIONGEN_BLENDER", blender)
+    for motion in motions.values():
+        motion.save(tmp_path / "there.fbx")
+        again = mg.load(tmp_path / "there.fbx")
+        assert (len(again), again.frame_rate) == (len(motion), motion.frame_rate)
+        own = [again.skeleton.index(name) for name in motion.skeleton.names]
+        size = np.abs(motion.positions).max() + motion.skeleton.height
+        np.testing.assert_allclose(again.positions[:, own], motion.positions, atol=1e-4 * size)
+    (tmp_path / "none.fbx").write_bytes(b"no FBX at all")
+    with pytest.raises(MotionGenError, match="Blender cannot convert it"):
+        mg.load(tmp_path / "none.fbx")

@@ -117,7 +117,7 @@ def test_an_attribute_of_ones_own(folder: Path, tmp_path: Path, monkeypatch: pyt
         (["direction={direction}", "attribute=speed"], "a direction of 'hand_spread', not 'speed'"),
         (["direction={direction}", "orthogonal_to=[speed]"], "orthogonal_to needs a direction that is learnt"),
         (["input=null"], "input is missing"),
-        (["format=fbx"], "format must be one of bvh"),
+        (["format=abc"], "format must be one of bvh"),
         (["generator=genmm"], "generator=genmm has no latent space"),
         (["strenghts=[1]"], "unknown setting 'strenghts'; did you mean 'strengths'"),
     ],

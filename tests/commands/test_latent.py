@@ -156,7 +156,7 @@ def test_clusters_are_shown_by_motions_of_theirs(checkpoint: Path, generator: Mo
         (["from=[1,2,3]", "to=[4,5]"], "to must name one, or as many as from, 3, not 2"),
         ([], "from is missing; give a seed, a clip, a file of latents, or mean"),
         (["from=3", "to=nobody"], "to=nobody is no seed, clip, file of latents or mean"),
-        (["from=3", "format=fbx"], "format must be one of"),
+        (["from=3", "format=abc"], "format must be one of"),
         (["from=3", "frames=0"], "frames must be a whole number of at least 1"),
         (["from=3", "poses=x"], "poses must be a whole number"),
         (["from=3", "task=dance"], "there is no task 'dance'"),
@@ -226,7 +226,7 @@ def test_points_are_seeds_the_mean_files_and_clips(
         (1.5, "around=1.5 is no seed"),
         ("nothing.bvh", "there is no such file"),
         ("nothing.safetensors", "there is no such file"),
-        ([1, "clip.fbx"], "around=clip.fbx is no seed, clip, file of latents or mean"),
+        ([1, "clip.abc"], "around=clip.abc is no seed, clip, file of latents or mean"),
     ],
 )
 def test_points_that_are_none_are_refused(generator: MoDi, given: Any, words: str) -> None:

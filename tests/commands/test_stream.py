@@ -30,7 +30,7 @@ def test_chunks_are_those_of_the_program(tmp_path: Path) -> None:
     ("settings", "words"),
     [
         (["chunks=0"], "chunks must be a whole number of at least 1"),
-        (["format=fbx"], "format must be one of bvh, glb, npz, not 'fbx'"),
+        (["format=abc"], "format must be one of bvh, glb, fbx, npz, not 'abc'"),
         (["chunk_frames=0"], "chunk"),
         (["input=nothing.bvh"], "no such file"),
         (["chunkz=3"], "chunks"),

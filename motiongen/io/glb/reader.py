@@ -86,7 +86,8 @@ def _motion(container: Container, path: Path, unit: str | None) -> Motion:
     if not animations:
         raise MotionGenError(f"{path}: nothing in this file is animated; export it with its animation")
     tracks = _tracks(container, animations[0])
-    order = _joints(container, nodes, tracks)
+    moving = _moving(nodes, tracks)
+    order = _joints(container, nodes, moving or {node for node, what in tracks if what != "scale"})
     layout = _layout(container, nodes, order)
     skeleton = _skeleton(container, nodes, order, layout, path)
     rate, frames, start = _grid(tracks, path)
@@ -107,7 +108,7 @@ def _motion(container: Container, path: Path, unit: str | None) -> Motion:
     notes = []
     if len(animations) > 1:
         notes.append(f"of {len(animations)} animations, this is the first, '{animations[0].get('name', '')}'")
-    scaled = sorted({node for node, what in tracks if what == "scale" and node in set(order)})
+    scaled = sorted({node for node, what in tracks if what == "scale"} & set(order) & moving)
     if scaled:
         notes.append(f"the scale of '{nodes.names[scaled[0]]}' is animated, which is left out")
     return Motion(
@@ -196,13 +197,26 @@ def _tracks(container: Container, animation: dict[str, Any]) -> dict[tuple[int, 
     return found
 
 
-def _joints(container: Container, nodes: Nodes, tracks: dict[tuple[int, str], Track]) -> list[int]:
+def _moving(nodes: Nodes, tracks: dict[tuple[int, str], Track]) -> set[int]:
+    """The nodes whose tracks ever take them away from their rest; programs write tracks for still ones, too."""
+    found = set()
+    for (node, what), track in tracks.items():
+        values = track.values[1::3] if track.interpolation == "CUBICSPLINE" else track.values
+        rest = {"rotation": nodes.rotations, "translation": nodes.translations, "scale": nodes.scales}[what][node]
+        if what == "rotation":
+            values = values * np.where(values @ rest < 0, -1.0, 1.0)[:, None]
+        least = UNEVEN if what == "scale" else STILL
+        if np.abs(values - rest).max() > least * max(1.0, float(np.abs(rest).max())):
+            found.add(node)
+    return found
+
+
+def _joints(container: Container, nodes: Nodes, moving: set[int]) -> list[int]:
     """The nodes of the skeleton, parents before children: those of the skins, or else what is animated.
 
     All that lies between them belongs to it, and what is animated above it.
     """
     skins = container.document.get("skins", [])
-    moving = {node for node, what in tracks if what != "scale"}
     bound = {joint for index in range(len(skins)) for joint in container.item("skins", index)["joints"]}
     chosen = bound or moving
     if not chosen or not moving:
