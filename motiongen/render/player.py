@@ -26,7 +26,8 @@ def write_player(
 ) -> Path:
     """Write an HTML page that shows clips side by side, each frame as it is, at the clips' own rates.
 
-    It can be turned, zoomed, scrubbed and slowed down, and holds all it needs.
+    It can be turned, zoomed, scrubbed and slowed down, and holds all it needs. With `#1.5` behind its address it stands
+    still at second 1.5.
 
     Args:
         motions: the clips, in order, one panel each.
