@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from motiongen.datasets import Dataset
 from motiongen.generators.modi.checkpoint import load_model
-from motiongen.generators.modi.hierarchy import build_hierarchy
-from motiongen.generators.modi.networks import ModiGenerator
+from motiongen.generators.modi.generator import build_network
 from motiongen.metrics.frechet import descriptors, frechet_distance
 from motiongen.quality import jitter
 
@@ -54,8 +53,7 @@ def sampled(checkpoint: Path, smoothing: bool) -> NDArray[np.float32]:
     """(N, T, E, 4) entities of motions of seeds."""
     card, weights = load_model(checkpoint)
     options = replace(card.network, smoothing=smoothing)
-    network = ModiGenerator(build_hierarchy(card.layout.skeleton, card.layout.feet, options), options)
-    network.load_state_dict(weights)
+    network = build_network(replace(card, network=options), weights)
     z = torch.randn(COUNT, options.latent_size, generator=torch.Generator().manual_seed(0))
     made = torch.cat([network(some) for some in z.split(50)]).numpy()
     entities: NDArray[np.float32] = made * card.deviation + card.mean

@@ -38,8 +38,6 @@ LEAST = 10
 PHYSICAL = 200
 """Motions of which the physical figures are taken; their means vary little."""
 
-READ_AT_ONCE = 64
-
 MADE, HELD_BACK = "generator", "real, held back"
 
 TRAINING = "real, training"
@@ -156,7 +154,7 @@ def _request(values: Mapping[str, Any]) -> Request:
         recogniser=BUNDLED_RECOGNISER if values["recogniser"] is None else Path(str(values["recogniser"])),
         spec=spec,
         options=spec.options_type().build(options),
-        inputs=read_input(values["input"], needed=not spec.needs_training),
+        inputs=read_input(values["input"], needed=not spec.capabilities.needs_training),
         up=choice("up", values["up"], (None, *UP_AXES)),
         unit=choice("unit", values["unit"], (None, *METRES_PER_UNIT)),
         count=whole("count", values["count"], LEAST),
@@ -242,6 +240,8 @@ def _fitted(request: Request, dataset: Dataset) -> Generator:
 
 def _yardsticks(request: Request, dataset: Dataset, recogniser: Recogniser) -> dict[str, NDArray[np.float32]]:
     """Features of the floor and of the ceiling."""
+    from motiongen.recognition.positions import positions_of
+
     real = _positions(dataset, dataset.draw("training", request.count, _random(request, TRAINING)))
     shuffled = _random(request, SHUFFLED).permuted(np.arange(real.shape[1])[None].repeat(len(real), axis=0), axis=1)
     noise = _random(request, NOISE).standard_normal((request.count, dataset.window_frames, *dataset.mean.shape))
@@ -249,21 +249,15 @@ def _yardsticks(request: Request, dataset: Dataset, recogniser: Recogniser) -> d
     return {
         TRAINING: recogniser.features(real),
         SHUFFLED: recogniser.features(np.take_along_axis(real, shuffled[:, :, None, None], axis=1)),
-        NOISE: recogniser.features(_in_parts(noise, dataset)),
+        NOISE: recogniser.features(positions_of(noise, dataset.layout)),
     }
 
 
 def _positions(dataset: Dataset, windows: NDArray[np.int64]) -> NDArray[np.float32]:
     """(B, T, J, 3) joint positions of windows (B, 2), in skeleton heights."""
-    return _in_parts(dataset.batch(windows, standardised=False), dataset)
-
-
-def _in_parts(entities: NDArray[Any], dataset: Dataset) -> NDArray[np.float32]:
-    """(B, T, J, 3) joint positions of windows (B, T, E, 4) of entities, some at a time to spare memory."""
     from motiongen.recognition.positions import positions_of
 
-    starts = range(0, len(entities), READ_AT_ONCE)
-    return np.concatenate([positions_of(entities[start : start + READ_AT_ONCE], dataset.layout) for start in starts])
+    return positions_of(dataset.batch(windows, standardised=False), dataset.layout)
 
 
 def _random(request: Request, purpose: str) -> np.random.Generator:

@@ -39,10 +39,7 @@ def latent_generator(settings: dict[str, Any]) -> Any:
     """
     options = dict(settings)
     spec = spec_of(str(options.pop("name")))
-    if (
-        not getattr(spec.generator_type(), "capabilities", None)
-        or not spec.generator_type().capabilities.has_latent_space
-    ):
+    if not spec.capabilities.has_latent_space:
         raise MotionGenError(f"generator={spec.name} has no latent space; generator=modi does")
     return spec.create(spec.options_type().build(options))
 

@@ -79,7 +79,7 @@ def read_request(config: DictConfig) -> Request:
     formats = [suffix.lstrip(".") for suffix in io.formats()]
     frames = values["frames"]
     return Request(
-        inputs=read_input(values["input"], needed=not spec.needs_training),
+        inputs=read_input(values["input"], needed=not spec.capabilities.needs_training),
         up=choice("up", values["up"], (None, *UP_AXES)),
         unit=choice("unit", values["unit"], (None, *METRES_PER_UNIT)),
         spec=spec,

@@ -207,13 +207,13 @@ def _described(spec: GeneratorSpec) -> dict[str, Any]:
     described: dict[str, Any] = {"name": spec.name, "description": spec.description, "error": spec.error}
     try:
         kind = spec.options_type()
-        capabilities = getattr(spec.generator_type(), "capabilities", None)
+        capabilities = spec.capabilities
     except MotionGenError as error:
         return {**described, "error": str(error)}
     return {
         **described,
-        "needs_examples": not spec.needs_training,
-        "constraints": sorted(_setting_name(each.__name__) for each in getattr(capabilities, "constraints", ())),
+        "needs_examples": not capabilities.needs_training,
+        "constraints": sorted(_setting_name(each.__name__) for each in capabilities.constraints),
         "options": _described_options(kind),
     }
 
@@ -252,7 +252,7 @@ def _sample(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     built = spec.options_type().build(options)
     settings = constraint_settings(request["constraints"])
     examples, clips = _motions(request)
-    if not examples and not spec.needs_training:
+    if not examples and not spec.capabilities.needs_training:
         raise MotionGenError(f"{name} works from examples, and none came; send at least one")
     if request["frames"] is not None:
         size_of_result(request["frames"], request["count"])

@@ -14,7 +14,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from motiongen.errors import MotionGenError, nearest_of
-from motiongen.generators.base import Generator
+from motiongen.generators.base import Capabilities, Generator
 from motiongen.generators.options import Options
 
 ENTRY_POINT_GROUP = "motiongen.generators"
@@ -48,10 +48,10 @@ class GeneratorSpec:
         return self._resolve(self.factory)
 
     @property
-    def needs_training(self) -> bool:
-        """Whether it works from a trained checkpoint, without examples."""
-        capabilities = getattr(self.generator_type(), "capabilities", None)
-        return capabilities is not None and bool(capabilities.needs_training)
+    def capabilities(self) -> Capabilities:
+        """What it can do; nothing in particular where its factory does not say."""
+        found: Capabilities = getattr(self.generator_type(), "capabilities", None) or Capabilities()
+        return found
 
     def create(self, options: Options) -> Generator:
         """A new generator with `options`."""

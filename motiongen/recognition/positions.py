@@ -15,6 +15,9 @@ Floats = NDArray[np.float32]
 GROUND_PERCENTILE = 2
 """Of the lowest joint's height over time; as in `kinematics.ground_height`."""
 
+PLACED_AT_ONCE = 64
+"""Windows that forward kinematics runs over together: more take memory and are no faster."""
+
 
 def positions_of(windows: NDArray[Any], layout: EntityLayout) -> Floats:
     """(B, T, J, 3) joint positions, in skeleton heights, of windows (B, T, E, 4) of entities; the root sets off at 0.
@@ -23,6 +26,11 @@ def positions_of(windows: NDArray[Any], layout: EntityLayout) -> Floats:
         windows: as `Dataset.batch` gives them, not standardised.
         layout: which entity is what.
     """
+    starts = range(0, max(1, len(windows)), PLACED_AT_ONCE)
+    return np.concatenate([_positions_of(windows[start : start + PLACED_AT_ONCE], layout) for start in starts])
+
+
+def _positions_of(windows: NDArray[Any], layout: EntityLayout) -> Floats:
     windows = np.asarray(windows, dtype=np.float64)
     rotations = windows[:, :, layout.joints]
     rotations = rotations / np.linalg.norm(rotations, axis=-1, keepdims=True)

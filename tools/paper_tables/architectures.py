@@ -30,8 +30,7 @@ from motiongen.errors import MotionGenError
 from motiongen.files import atomic_write
 from motiongen.generators.modi.body import Body
 from motiongen.generators.modi.checkpoint import load_model
-from motiongen.generators.modi.hierarchy import build_hierarchy
-from motiongen.generators.modi.networks import ModiGenerator
+from motiongen.generators.modi.generator import build_network
 from motiongen.metrics.distribution import Comparison, compare
 from motiongen.recognition import Recogniser
 from motiongen.recognition.positions import positions_of
@@ -157,8 +156,7 @@ def trained(architecture: Architecture, seed: int, options: argparse.Namespace) 
 def real_positions(dataset: Dataset, split: str, count: int) -> NDArray[np.float32]:
     """(N, T, J, 3) positions of windows, in skeleton heights; the same at every call."""
     windows = dataset.draw(split, count, numpy_random(0, 0, f"real {split}"))
-    parts = np.array_split(windows, max(1, len(windows) // 64))
-    return np.concatenate([positions_of(dataset.batch(part, standardised=False), dataset.layout) for part in parts])
+    return positions_of(dataset.batch(windows, standardised=False), dataset.layout)
 
 
 @torch.inference_mode()
@@ -168,8 +166,7 @@ def made_positions(checkpoint: Path, count: int) -> NDArray[np.float32]:
     Positions, not motions: one architecture makes nothing else, and no feet are cleaned up.
     """
     card, weights = load_model(checkpoint)
-    network = ModiGenerator(build_hierarchy(card.layout.skeleton, card.layout.feet, card.network), card.network)
-    network.load_state_dict(weights)
+    network = build_network(card, weights)
     body = Body(card.layout, card.mean, card.deviation, card.frame_rate)
     z = torch.randn(count, card.network.latent_size, generator=torch.Generator().manual_seed(0))
     made = torch.cat([body.entities(network(some)) for some in z.split(64)]).numpy()

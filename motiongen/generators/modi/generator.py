@@ -14,7 +14,7 @@ from motiongen.errors import MotionGenError
 from motiongen.generators.base import Capabilities, LatentGenerator, Progress, sample_seed
 from motiongen.generators.constraints import Constraint
 from motiongen.generators.devices import torch_device
-from motiongen.generators.modi.checkpoint import load_model
+from motiongen.generators.modi.checkpoint import Card, Tensors, load_model
 from motiongen.generators.modi.hierarchy import build_hierarchy
 from motiongen.generators.modi.networks import ModiGenerator
 from motiongen.generators.modi.options import ModiOptions
@@ -55,10 +55,8 @@ class MoDi(LatentGenerator):
                 f"{folder}: this network makes joint {self.card.network.representation}, of which no rig's "
                 "motion can be made; take a checkpoint that was trained with network.representation=rotations"
             )
-        hierarchy = build_hierarchy(self.card.layout.skeleton, self.card.layout.feet, self.card.network)
-        self.network = ModiGenerator(hierarchy, self.card.network)
         try:
-            self.network.load_state_dict(weights)
+            self.network = build_network(self.card, weights)
         except RuntimeError as error:
             reason = str(error).splitlines()[-1].strip()
             raise MotionGenError(f"{folder}: the weights are not the model's ({reason})") from error
@@ -188,3 +186,14 @@ class MoDi(LatentGenerator):
         if not self.options.clean_feet or not layout.feet:
             return motion
         return clean_feet(motion, layout.feet, entities[:, layout.contacts, 0] > 0.5)
+
+
+def build_network(card: Card, weights: Tensors) -> ModiGenerator:
+    """The networks of a checkpoint, as `load_model` reads it.
+
+    Raises:
+        RuntimeError: if the weights are not those of such networks.
+    """
+    network = ModiGenerator(build_hierarchy(card.layout.skeleton, card.layout.feet, card.network), card.network)
+    network.load_state_dict(weights)
+    return network

@@ -23,6 +23,9 @@ END_SITE = "motiongen_end_site"
 UNKNOWN_UNIT = "motiongen_unit_unknown"
 """Marks files whose lengths are not in metres, as they should be, because nobody knows what they are in."""
 
+BONE = {"baseColorFactor": [0.8, 0.55, 0.3, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.7}
+"""What bones are made of: dull, light brown."""
+
 
 def write_glb(motion: Motion, path: Path) -> None:
     """Write a GLB file (see `motiongen.io.save`): y up, in metres where the unit is known.
@@ -97,16 +100,7 @@ def _new_document(motion: Motion) -> Container:
             "scenes": [{"name": motion.name, "nodes": [0, len(nodes) - 1]}],
             "nodes": nodes,
             "buffers": [{}],
-            "materials": [
-                {
-                    "name": "bone",
-                    "pbrMetallicRoughness": {
-                        "baseColorFactor": [0.8, 0.55, 0.3, 1.0],
-                        "metallicFactor": 0.0,
-                        "roughnessFactor": 0.7,
-                    },
-                }
-            ],
+            "materials": [{"name": "bone", "pbrMetallicRoughness": BONE}],
         },
         bytearray(),
     )
