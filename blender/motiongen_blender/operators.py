@@ -131,7 +131,9 @@ class MOTIONGEN_OT_generate(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: Any) -> set[str]:
-        """Take what the worker says; all other events pass."""
+        """Take what the worker says; all other events pass. Escape asks for the end."""
+        if event.type == "ESC" and event.value == "PRESS":
+            context.window_manager.motiongen.cancel = True
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         ended: set[str] | None = {"CANCELLED"}
@@ -139,8 +141,7 @@ class MOTIONGEN_OT_generate(bpy.types.Operator):
             ended = self._advance(context, 0.0)
         finally:  # a fault of ours must not leave the timer ticking
             if ended is not None:
-                context.window_manager.motiongen.active = False
-                context.window_manager.event_timer_remove(self._timer)
+                self._stop_looking(context)
         for area in context.screen.areas if context.screen else ():
             if area.type == "VIEW_3D":
                 area.tag_redraw()
@@ -156,8 +157,12 @@ class MOTIONGEN_OT_generate(bpy.types.Operator):
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender is closing, or opens another file."""
-        context.window_manager.motiongen.active = False
+        self._stop_looking(context)
         stop_worker()
+
+    def _stop_looking(self, context: bpy.types.Context) -> None:
+        context.window_manager.motiongen.active = False
+        context.window_manager.event_timer_remove(self._timer)
 
     def _begin(self, context: bpy.types.Context) -> bool:
         run, armature = context.window_manager.motiongen, context.object

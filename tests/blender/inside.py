@@ -210,10 +210,11 @@ def undo(operators: Any) -> dict[str, Any]:
 
 def main(folder: Path, extension: Path, command: str) -> None:
     """Everything, into the folder."""
-    sys.path.insert(0, str(extension.parent))
+    sys.path[:0] = [str(extension.parent), str(Path(__file__).parent)]
+    import by_hand
     import motiongen_blender
     from motiongen_blender import armature as rigs
-    from motiongen_blender import operators
+    from motiongen_blender import operators, panel
 
     motiongen_blender.register()
     operators.find_command = lambda chosen: command
@@ -226,6 +227,8 @@ def main(folder: Path, extension: Path, command: str) -> None:
         "hold": hold(rigs, operators),
         "cancel": cancel(operators),
         "undo": undo(operators),
+        "panels": by_hand.panels(panel),
+        "presses": by_hand.presses(operators),
     }
     motiongen_blender.unregister()
     found["left"] = [name for name in ("Scene", "WindowManager") if hasattr(getattr(bpy.types, name), "motiongen")]

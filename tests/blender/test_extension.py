@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,33 +17,17 @@ import pytest
 from motiongen import rotations as rot
 from motiongen.commands.protocol import decode_motion
 from motiongen.motion import Motion
-from tests.conftest import ROOT
+from tests.blender.conftest import EXTENSION, Run
 
-EXTENSION = ROOT / "blender" / "motiongen_blender"
 CASES = ("plain", "turned", "two_roots")
 TOLERANCE = 5e-6  # of the rig's height: Blender's own numbers have 24 bits
 
 
 @pytest.fixture(scope="session")
-def command(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A program that runs this checkout's worker."""
-    path = tmp_path_factory.mktemp("bin") / "motiongen"
-    path.write_text(
-        f"#!{sys.executable}\nimport sys\nsys.path.insert(0, {str(ROOT)!r})\n"
-        "from motiongen.commands.worker import run\nrun(sys.argv[2:])\n"
-    )
-    path.chmod(0o755)
-    return path
-
-
-@pytest.fixture(scope="session")
-def folder(blender: str, command: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(run_inside: Run, command: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `inside.py` has found in Blender."""
     place = tmp_path_factory.mktemp("blender")
-    program = [blender, str(Path(__file__).with_name("inside.py")), str(place), str(EXTENSION), str(command)]
-    settings = {**os.environ, "BLENDER_USER_RESOURCES": str(place / "user")}
-    ended = subprocess.run(program, check=False, capture_output=True, text=True, env=settings, timeout=280)
-    assert ended.returncode == 0, ended.stdout + ended.stderr
+    run_inside("inside.py", place, EXTENSION, command)
     return place
 
 
@@ -102,12 +85,36 @@ def test_a_result_can_be_undone(found: dict[str, Any]) -> None:
     assert found["undo"] == {"made": 1, "left": 0, "same": True}
 
 
+def test_the_button_never_waits_and_ends_its_timer(found: dict[str, Any]) -> None:
+    made, cancelled, fault, closing = (found["presses"][name] for name in ("ticks", "escape", "fault", "closing"))
+    for told in (made, cancelled, fault, closing):
+        assert (told["began"], told["timers"], told["handlers"]) == (["RUNNING_MODAL"], 1, 1)
+        assert (told["left"], told["active"]) == (0, False)
+    for told in (made, cancelled):
+        assert told["waits"] == [0.0]
+        assert {"MOUSEMOVE", "TIMER"} <= set(told["passed"])
+    assert (made["ended"], made["new_actions"]) == (["FINISHED"], 2)
+    assert (cancelled["ended"], cancelled["new_actions"], cancelled["message"]) == (["CANCELLED"], 0, "cancelled")
+    assert "ESC" in cancelled["passed"]
+    assert fault["fault"] == "'share'"
+    assert closing["worker"] == 0
+
+
+def test_panels_use_what_this_blender_has(found: dict[str, Any]) -> None:
+    shown = found["panels"]
+    assert shown["no armature"] == ["label"]
+    assert {"prop generator", "prop use_segment", "operator motiongen.generate"} <= set(shown["ready"])
+    assert {"progress", "operator motiongen.cancel"} <= set(shown["busy"])
+    assert "operator motiongen.generate" not in shown["busy"]
+    assert "operator motiongen.refresh" in shown["options"]
+
+
 def test_the_generators_options_are_offered_and_nothing_is_left_behind(found: dict[str, Any]) -> None:
     assert {"alpha", "patch_size", "search"} <= set(found["options"])
     assert found["left"] == []
 
 
-def test_blender_takes_the_zip(blender: str, tmp_path: Path) -> None:
+def test_blender_finds_the_zip_valid_and_takes_it(blender: str, tmp_path: Path) -> None:
     import zipfile
 
     package = tmp_path / "motiongen_blender.zip"
@@ -115,7 +122,9 @@ def test_blender_takes_the_zip(blender: str, tmp_path: Path) -> None:
         for path in sorted([*EXTENSION.glob("*.py"), *EXTENSION.glob("*.toml")]):
             archive.write(path, path.name)
     program = (
-        "import bpy, sys\n"
+        "import bpy, os, subprocess, sys\n"
+        "checker = os.path.join(bpy.utils.system_resource('SCRIPTS'), 'addons_core/bl_pkg/cli/blender_ext.py')\n"
+        "subprocess.run([sys.executable, checker, 'validate', sys.argv[1]], check=True)\n"
         "bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo='user_default', enable_on_install=True)\n"
         "addon = bpy.context.preferences.addons['bl_ext.user_default.motiongen']\n"
         "assert addon.preferences.command == ''\n"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ import motiongen as mg
 from motiongen import Motion
 from motiongen.assets import EXAMPLE_CLIP
 from motiongen.errors import MotionGenError
+from tests.blender.conftest import Run
 from tests.strategies import random_motion, random_skeleton
 
 CLOSE = 5e-6
@@ -36,11 +36,9 @@ def motions(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Motion]:
     return known
 
 
-def test_bones_stand_where_the_library_has_them(blender: str, motions: dict[Path, Motion], tmp_path: Path) -> None:
-    out, script = tmp_path / "places.json", Path(__file__).with_name("import_files.py")
-    files = [f"{path}:30:1.0" for path in motions]
-    ended = subprocess.run([blender, str(script), str(out), *files], check=False, capture_output=True, text=True)
-    assert ended.returncode == 0, ended.stderr[-2000:]
+def test_bones_stand_where_the_library_has_them(run_inside: Run, motions: dict[Path, Motion], tmp_path: Path) -> None:
+    out = tmp_path / "places.json"
+    run_inside("import_files.py", out, *(f"{path}:30:1.0" for path in motions))
     found = json.loads(out.read_text())
     for path, motion in motions.items():
         size = np.abs(motion.positions).max() + motion.skeleton.height
