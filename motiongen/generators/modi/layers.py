@@ -61,7 +61,7 @@ class SkeletalConvolution(nn.Module):
     """The filter K' x K x E' x E x U, in time and entities at once, with weights where links are and nowhere else.
 
     In place and down (strided, half as many frames) it is a convolution; up (twice as many frames) a transposed one.
-    Frames beyond the ends are zero. It has neither bias nor scale: those come with what follows it.
+    Frames beyond the ends are zero, or as the ends are. It has neither bias nor scale: those come with what follows it.
 
     Args:
         links: which entities it joins.
@@ -69,6 +69,7 @@ class SkeletalConvolution(nn.Module):
         outputs: K'.
         width: U: odd in place; even up and down, so that every frame is covered by as many weights.
         direction: what happens in time.
+        held_ends: whether the frames beyond the ends are those at the ends, in place of zeros.
 
     Attributes:
         weight: (blocks, U, K, K').
@@ -80,10 +81,18 @@ class SkeletalConvolution(nn.Module):
     blocks: Tensor | None
     scale: Tensor
 
-    def __init__(self, links: Links, inputs: int, outputs: int, width: int, direction: Direction = "in place") -> None:
+    def __init__(
+        self,
+        links: Links,
+        inputs: int,
+        outputs: int,
+        width: int,
+        direction: Direction = "in place",
+        held_ends: bool = False,
+    ) -> None:
         """Draw the weights."""
         super().__init__()
-        self.links, self.direction, self.width = links, direction, width
+        self.links, self.direction, self.width, self.held_ends = links, direction, width, held_ends
         self.stride = 1 if direction == "in place" else 2
         self.weight = nn.Parameter(torch.randn(max(links.blocks) + 1, width, inputs, outputs))
         for name, size in (("targets", links.shape[0]), ("sources", links.shape[1]), ("blocks", len(self.weight))):
@@ -95,6 +104,17 @@ class SkeletalConvolution(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(E, B, T, K) to (E', B, T', K'): T' = T in place, 2 T up, T / 2 down."""
+        reach = (self.width - self.stride) // 2
+        if not (self.held_ends and reach):
+            return self._convolved(x)
+        margin = reach if self.direction == "in place" else -(-reach // 2) * (2 if self.direction == "down" else 1)
+        before, after = (end.expand(-1, -1, margin, -1) for end in (x[:, :, :1], x[:, :, -1:]))
+        y = self._convolved(torch.cat([before, x, after], dim=2))
+        cut = {"in place": margin, "up": 2 * margin, "down": margin // 2}[self.direction]
+        return y[:, :, cut:-cut]
+
+    def _convolved(self, x: Tensor) -> Tensor:
+        """Likewise, with zeros beyond the ends."""
         weight = _gathered(self.weight, self.blocks)  # (P, U, K, K')
         entities_out, entities_in = self.links.shape
         if self.direction == "up":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Sequence
@@ -53,15 +54,16 @@ class _SynthesisLevel(nn.Module):
         super().__init__()
         channels, width = options.channels[level], options.kernel_width
         near = hierarchy.in_place_links(level, options.neighbour_distance)
-        convolutions = [SkeletalConvolution(near, channels, channels, width) for _ in range(options.in_place)]
+        convolution = functools.partial(SkeletalConvolution, held_ends=options.held_ends)
+        convolutions = [convolution(near, channels, channels, width) for _ in range(options.in_place)]
         self.unpool = SkeletalUnpooling(hierarchy.up_links(level)) if level else None
         self.pooled = level > 0 and options.scaler == "pooling"
         if level:
             above = options.channels[level - 1]
             if self.pooled:
-                scaler = SkeletalConvolution(near, above, channels, width)
+                scaler = convolution(near, above, channels, width)
             else:
-                scaler = SkeletalConvolution(hierarchy.up_links(level), above, channels, width + 1, "up")
+                scaler = convolution(hierarchy.up_links(level), above, channels, width + 1, "up")
             convolutions.insert(0, scaler)
         self.layers = nn.ModuleList(
             ModulatedConvolution(each, options.latent_size, smoothing=options.smoothing and each.direction == "up")
@@ -200,16 +202,17 @@ class _DiscriminatorLevel(nn.Module):
         super().__init__()
         channels, below, width = options.channels[level], options.channels[level - 1], options.kernel_width
         near = hierarchy.in_place_links(level, options.neighbour_distance)
+        convolution = functools.partial(SkeletalConvolution, held_ends=options.held_ends)
         layers: list[nn.Module] = [
-            ActivatedConvolution(SkeletalConvolution(near, channels, channels, width)) for _ in range(options.in_place)
+            ActivatedConvolution(convolution(near, channels, channels, width)) for _ in range(options.in_place)
         ]
         down = hierarchy.down_links(level)
         if options.scaler == "pooling":
             near_below = hierarchy.in_place_links(level - 1, options.neighbour_distance)
             layers += [SkeletalPooling(down)]
-            layers += [ActivatedConvolution(SkeletalConvolution(near_below, channels, below, width))]
+            layers += [ActivatedConvolution(convolution(near_below, channels, below, width))]
         else:
-            layers += [ActivatedConvolution(SkeletalConvolution(down, channels, below, width + 1, "down"))]
+            layers += [ActivatedConvolution(convolution(down, channels, below, width + 1, "down"))]
         self.layers = nn.Sequential(*layers)
         self.pool = SkeletalPooling(down)
         self.skip = SkeletalConvolution(hierarchy.in_place_links(level - 1, 0), channels, below, 1)

@@ -34,6 +34,9 @@ class NetworkOptions(Options):
     smoothing: bool = option(
         True, "Average neighbouring frames after each convolutional scaler of the generator, as StyleGAN2 does."
     )
+    held_ends: bool = option(
+        False, "Beyond its ends a motion stays as it is there, in the eyes of convolutions; false: it is zero there."
+    )
     skeleton_aware: bool = option(
         True, "Follow the skeleton; false takes motion as an image of entities by frames (Table 2)."
     )
@@ -100,7 +103,7 @@ def _check_sizes(name: str, sizes: tuple[Any, ...]) -> None:
 class ModiOptions(Options):
     """How motions are made from a trained checkpoint."""
 
-    checkpoint: str | None = option(None, "Folder of the checkpoint to make motions from.")
+    checkpoint: str | None = option(None, "Folder of the checkpoint to make motions from.", file=True)
     truncation: float = option(
         1.0,
         "How far motions may be from the mean motion: 1 as far as they come, 0 all the mean one (section 4.2).",

@@ -123,6 +123,23 @@ def test_an_activated_convolution_has_scaled_weights(case: tuple[SkeletalConvolu
 
 
 @given(convolutions())
+def test_held_ends_are_those_of_a_motion_that_stays_as_it_is_there(case: tuple[SkeletalConvolution, Tensor]) -> None:
+    """The same convolution of a motion that is longer at both ends, so that its zeros are out of sight."""
+    convolution, x = case
+    before, after = (end.expand(-1, -1, 8, -1) for end in (x[:, :, :1], x[:, :, -1:]))
+    slow = applied(convolution, torch.cat([before, x, after], dim=2), filter_of(convolution))
+    cut = {"in place": 8, "up": 16, "down": 4}[convolution.direction]
+    weights = [x, convolution.weight]
+    slow_derivatives = derivatives(slow[:, :, cut:-cut], weights)
+    convolution.held_ends = True
+    assert_same(derivatives(convolution(x), weights), slow_derivatives)
+    still = x[:, :, :1].expand(-1, -1, x.shape[2], -1)
+    made = convolution(still)
+    if convolution.direction != "up":  # even and odd frames have weights of their own there
+        torch.testing.assert_close(made, made[:, :, :1].expand_as(made))
+
+
+@given(convolutions())
 def test_only_weights_that_the_mask_keeps_are_stored(case: tuple[SkeletalConvolution, Tensor]) -> None:
     convolution, _ = case
     width, inputs, outputs = convolution.weight.shape[1:]

@@ -25,6 +25,7 @@ ABLATIONS = {
     "one in-place convolution less": {"in_place": 1},
     "pooling": {"scaler": "pooling"},
     "without smoothing": {"smoothing": False},
+    "held ends": {"held_ends": True},
     "joint positions": {"representation": "positions"},
     "not skeleton-aware": {"skeleton_aware": False},
     "longer": {"frames": 24},
