@@ -66,7 +66,7 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
 		echo "make: '$(PYTHON)' cannot make environments; install its venv module (Debian: apt install python3-venv)" >&2; exit 1; }
 	@$(VENV)/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
-	$(PIP) install -c constraints.txt -e '.[video,plots,latent,test,lint]'
+	$(PIP) install -c constraints.txt -e '.[video,plots,latent,web,test,lint]'
 	@touch $(READY)
 
 .PHONY: help venv demo test lint bench docs blender test-blender

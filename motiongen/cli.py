@@ -47,6 +47,7 @@ COMMANDS = {
     "convert": Command("change a clip's format, frame rate, unit, up axis or root motion"),
     "render": Command("clips as a video, an animated GIF, a film strip or a page that plays"),
     "data": Command("datasets of motion windows for training: import, info, pack, unpack"),
+    "serve": Command("a page in the browser: load a clip, make motions, watch, compare and download them"),
     "worker": Command("motions on request for other programs, as lines of JSON"),
     "list": Command("the generators, models, file formats and constraints there are"),
 }

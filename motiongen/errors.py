@@ -1,4 +1,4 @@
-"""The one error type that a user's mistake raises."""
+"""What a user's mistake raises, and what stops work that nobody wants any more."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ class MotionGenError(ValueError):
     The message is one line that says what came, what is allowed and what to do. The command line prints it without a
     traceback and exits with code 2. A bug in motiongen itself is never a `MotionGenError`.
     """
+
+
+class CancelledError(Exception):
+    """Nobody wants any more what is being made."""
 
 
 def nearest_of(name: str, allowed: Iterable[str]) -> str:

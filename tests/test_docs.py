@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shlex
+import threading
 from pathlib import Path
 from typing import cast
 
@@ -50,11 +52,23 @@ def clips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.usefixtures("clips")
-def test_commands_work(command: str) -> None:
+def test_commands_work(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     arguments = shlex.split(command)[1:]
     if arguments[0] == "sample" and "--help" not in arguments:
         arguments += ["preview=none", *([] if "count" in command else ["count=1"])]
+    if arguments[0] == "serve":
+        serve_for_a_moment(monkeypatch)
+        arguments += ["--port", "0"]
     assert main(arguments) == 0
+
+
+def serve_for_a_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `motiongen serve` end as soon as it has begun."""
+    pytest.importorskip("viser", reason="the extra web is not installed")
+    stopped = threading.Event()
+    stopped.set()
+    monkeypatch.setattr("webbrowser.open", lambda address: True)
+    monkeypatch.setattr("motiongen.commands.serve._stop_signals", lambda: contextlib.nullcontext(stopped))
 
 
 @pytest.mark.parametrize("settings", CONTROLS)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from motiongen.errors import MotionGenError
-from motiongen.files import atomic_path, atomic_write, open_to_read
+from motiongen.files import atomic_path, atomic_write, new_folder, open_to_read
 
 
 def write_bytes(path: Path, fail: bool = False) -> None:
@@ -93,6 +93,84 @@ def test_a_failure_of_the_disk_costs_one_line(tmp_path: Path) -> None:
     with pytest.raises(MotionGenError, match=words), atomic_write(tmp_path / "file"):
         raise OSError(28, "No space left")
     assert list(tmp_path.iterdir()) == []
+
+
+def tree(folder: Path) -> dict[str, bytes | None]:
+    return {str(path.relative_to(folder)): None if path.is_dir() else path.read_bytes() for path in folder.rglob("*")}
+
+
+def fill(path: Path, fail: BaseException | None = None, **how: bool) -> None:
+    with new_folder(path, **how) as folder:
+        (folder / "new").write_bytes(b"new")
+        if fail:
+            raise fail
+
+
+@pytest.mark.parametrize("empty", [False, True])
+def test_a_folder_appears_with_usual_permissions_and_nothing_beside_it(tmp_path: Path, empty: bool) -> None:
+    (tmp_path / "usual").mkdir()
+    if empty:
+        (tmp_path / "made").mkdir()
+    with new_folder(tmp_path / "made") as folder:
+        (folder / "new").write_bytes(b"new")
+        assert not (tmp_path / "made" / "new").exists()
+    assert tree(tmp_path) == {"usual": None, "made": None, "made/new": b"new"}
+    assert (tmp_path / "made").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+def test_a_folder_takes_the_place_of_another_only_where_it_may(tmp_path: Path) -> None:
+    path = tmp_path / "made"
+    path.mkdir()
+    (path / "old").write_bytes(b"old")
+    before = tree(tmp_path)
+    with pytest.raises(MotionGenError, match="this exists and cannot be written over"):
+        fill(path)
+    for fail in (KeyboardInterrupt(), ValueError()):
+        with pytest.raises(type(fail)):
+            fill(path, fail, replacing=True)
+    assert tree(tmp_path) == before
+    with pytest.raises(MotionGenError, match="this exists"):
+        fill(path / "old", replacing=True)
+    fill(path, replacing=True)
+    assert tree(tmp_path) == {"made": None, "made/new": b"new"}
+
+
+def test_a_folder_that_cannot_be_replaced_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "made"
+    fill(path)
+    rename, calls = Path.rename, []
+
+    def failing_second(this: Path, target: Path) -> Path:
+        calls.append(target)
+        if len(calls) == 2:
+            raise OSError(13, "busy")
+        return rename(this, target)
+
+    monkeypatch.setattr(Path, "rename", failing_second)
+    with pytest.raises(MotionGenError, match=r"cannot be written \(busy\)"):
+        fill(path, replacing=True)
+    assert tree(tmp_path) == {"made": None, "made/new": b"new"}
+
+
+def fill_after_others(path: Path) -> None:
+    with new_folder(path):
+        path.mkdir()
+        (path / "theirs").write_bytes(b"theirs")
+
+
+def test_what_others_have_put_there_meanwhile_stays(tmp_path: Path) -> None:
+    with pytest.raises(MotionGenError, match="cannot be written"):
+        fill_after_others(tmp_path / "made")
+    assert tree(tmp_path) == {"made": None, "made/theirs": b"theirs"}
+
+
+def test_folders_above_are_made_if_asked(tmp_path: Path) -> None:
+    with pytest.raises(MotionGenError, match="does not exist; make it first"):
+        fill(tmp_path / "a" / "b")
+    fill(tmp_path / "a" / "b", parents=True)
+    assert (tmp_path / "a" / "b" / "new").is_file()
+    with pytest.raises(MotionGenError, match="cannot be written"):
+        fill(tmp_path / "a" / "b" / "new" / "c", parents=True)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may read and write anything")

@@ -77,6 +77,8 @@ OUTSIDE = {
     "omegaconf": (*HYDRA_COMMANDS, *PROGRAMS),
     "PIL": ("motiongen.render", "motiongen.commands.render", *PROGRAMS),
     "viser": ("motiongen.web", *PROGRAMS),
+    "websockets": ("motiongen.web", *PROGRAMS),
+    "msgspec": ("motiongen.web",),
     "safetensors": PROGRAMS,
     "rich": PROGRAMS,
     "matplotlib": PROGRAMS,

@@ -20,7 +20,7 @@ import motiongen as mg
 from motiongen.assets import EXAMPLE_CLIP
 from motiongen.cli import main
 from tests.conftest import ROOT
-from tests.test_docs import blocks
+from tests.test_docs import blocks, serve_for_a_moment
 from tools import list_errors
 from tools.list_errors import Message, find_messages
 
@@ -56,6 +56,9 @@ def run_command(line: str, monkeypatch: pytest.MonkeyPatch) -> int:
     name = words[2] if trained else words[1]
     given = words[3:] if trained else words[2:]
     keys = {word.partition("=")[0] for word in given} - {"count"}
+    if name == "serve":
+        serve_for_a_moment(monkeypatch)
+        given = [*given, "--port", "0"]
     if "--help" not in given:
         given = [*given, *(setting for setting in SMALLER.get(name, []) if setting.partition("=")[0] not in keys)]
     if not trained:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,17 +21,13 @@ import motiongen as mg
 from motiongen import rotations as rot
 from motiongen.assets import BUNDLED_MODEL
 from motiongen.errors import MotionGenError
+from motiongen.files import new_folder
 from motiongen.generators.modi.checkpoint import Card, load_model, save_checkpoint
 from motiongen.report import markdown_table
+from train.loop import MAY_CHANGE
 
 COMPARED = 50
 """Motions that tell what halving costs."""
-
-HOUSEKEEPING = (
-    *("iterations", "device", "log_every", "picture_every", "checkpoint_every", "keep", "measured"),
-    *("recogniser", "evaluate_every"),
-)
-"""Settings of a training that its result does not depend on, or that the card says better elsewhere."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -65,18 +60,12 @@ def bundle(options: argparse.Namespace) -> str:
     faults = options.faults.read_text() if options.faults else ""
     run = options.checkpoint.parent / "run.json"
     schedule = json.loads(run.read_text()) if run.is_file() else None
-    fresh = options.out.with_name(f".{options.out.name}-new")
-    shutil.rmtree(fresh, ignore_errors=True)
-    save_checkpoint(fresh, card, {name: weight.half() for name, weight in weights.items()})
-    try:
+    with new_folder(options.out, replacing=True) as fresh:
+        save_checkpoint(fresh, card, {name: weight.half() for name, weight in weights.items()})
         lost = _lost(options.checkpoint, fresh)
         size = (fresh / "model.safetensors").stat().st_size
         (fresh / "README.md").write_text(_model_card(card, size, lost, schedule, evaluation, faults))
         (fresh / "model.safetensors").chmod(0o644)
-        shutil.rmtree(options.out, ignore_errors=True)
-        fresh.rename(options.out)
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
     return f"{options.out}: {size / 1e6:.1f} MB, {card.iteration:,} iterations; halving changes {lost}"
 
 
@@ -115,7 +104,7 @@ def _model_card(
     if schedule is not None:
         lines += ["", "## Schedule", "", "| setting | value |", "| --- | --- |"]
         settings = {**schedule["network"], **schedule["trainer"]}
-        lines += [f"| {name} | {value} |" for name, value in settings.items() if name not in HOUSEKEEPING]
+        lines += [f"| {name} | {value} |" for name, value in settings.items() if name not in MAY_CHANGE]
         versions = ", ".join(f"{name} {number}" for name, number in schedule["versions"].items())
         lines += ["", f"Versions: {versions}."]
     if evaluation is not None:

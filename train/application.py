@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 import sys
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any, cast
+from collections.abc import Sequence
 
-from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf
-
-from motiongen.commands.hydra_app import run_application
-from motiongen.commands.settings import leaving_no_empty
+from motiongen.commands.hydra_app import Work, run_command
 from motiongen.errors import MotionGenError
 
 EXIT_MISTAKE, EXIT_INTERRUPTED = 2, 130
 
-Train = Callable[[dict[str, Any], Path], None]
 
-
-def run_training(train: Train, config_name: str, program: str, arguments: Sequence[str], stopped: str) -> int:
+def run_training(train: Work, config_name: str, program: str, arguments: Sequence[str], stopped: str) -> int:
     """Run a training as a Hydra application.
 
     Args:
@@ -34,7 +25,7 @@ def run_training(train: Train, config_name: str, program: str, arguments: Sequen
         The exit code.
     """
     try:
-        run_application(functools.partial(_compose, train), config_name, arguments)
+        run_command(train, config_name, arguments)
     except MotionGenError as error:
         print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
         return EXIT_MISTAKE
@@ -42,9 +33,3 @@ def run_training(train: Train, config_name: str, program: str, arguments: Sequen
         print(f"{program}: stopped; {stopped}", file=sys.stderr)
         return EXIT_INTERRUPTED
     return 0
-
-
-def _compose(train: Train, config: DictConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    with leaving_no_empty(folder):
-        train(cast(dict[str, Any], OmegaConf.to_container(config, resolve=True)), folder)

@@ -17,9 +17,9 @@ import torch
 
 from motiongen.console import progress_bar
 from motiongen.errors import MotionGenError
-from motiongen.files import atomic_write
-from motiongen.generators.modi.checkpoint import TEMPORARY
+from motiongen.files import TEMPORARY, atomic_write, new_folder
 from train.modi import Figures, ModiTraining
+from train.settings import TrainerSettings
 from train.watch import Watch
 
 CHECKPOINTS, BEST = "checkpoints", "best"
@@ -31,7 +31,7 @@ MAY_CHANGE = (
     *("iterations", "device", "log_every", "picture_every", "checkpoint_every", "keep", "measured"),
     *("recogniser", "evaluate_every"),
 )
-"""Settings that a run may go on with another value of."""
+"""Settings that a run may go on with another value of; its model card leaves them out."""
 
 COLLAPSE_PATIENCE = 5
 """So many looks in a row must find them so."""
@@ -65,16 +65,8 @@ def run(training: ModiTraining, folder: Path, record: Mapping[str, Any], start: 
         alike = 0
         while training.iteration < settings.iterations:
             figures |= training.step()
-            done, last = training.iteration, training.iteration == settings.iterations
-            log, look, keep, judge = (
-                last or done % every == 0
-                for every in (
-                    settings.log_every,
-                    settings.picture_every,
-                    settings.checkpoint_every,
-                    settings.evaluate_every,
-                )
-            )
+            done = training.iteration
+            log, look, keep, judge = _due(settings, done)
             if log or look or keep:
                 values = checked(figures, training, folder)
             if log:
@@ -98,6 +90,12 @@ def run(training: ModiTraining, folder: Path, record: Mapping[str, Any], start: 
         "best_distance": best,
         "checkpoint": str(folder / BEST if (folder / BEST).exists() else newest(folder / CHECKPOINTS)),
     }
+
+
+def _due(settings: TrainerSettings, done: int) -> tuple[bool, ...]:
+    """Whether to log, to look, to keep a checkpoint and to judge after so many iterations: after the last, all."""
+    intervals = settings.log_every, settings.picture_every, settings.checkpoint_every, settings.evaluate_every
+    return tuple(done == settings.iterations or done % every == 0 for every in intervals)
 
 
 def checked(figures: Figures, training: ModiTraining, folder: Path) -> dict[str, float]:
@@ -178,14 +176,8 @@ def _save(training: ModiTraining, checkpoints: Path, record: Mapping[str, Any]) 
 def _save_best(training: ModiTraining, folder: Path, record: Mapping[str, Any]) -> None:
     """Put the best so far in the place of the one before it."""
     if training.workers.leads:
-        fresh, aside = folder / f".{BEST}-new", folder / f".{BEST}-old"
-        for left in (fresh, aside):
-            shutil.rmtree(left, ignore_errors=True)
-        training.save(fresh, record)
-        if (folder / BEST).exists():
-            (folder / BEST).rename(aside)
-        fresh.rename(folder / BEST)
-        shutil.rmtree(aside, ignore_errors=True)
+        with new_folder(folder / BEST, replacing=True) as fresh:
+            training.save(fresh, record)
     training.workers.wait()
 
 

@@ -23,7 +23,7 @@ from motiongen.datasets import Dataset
 from motiongen.errors import MotionGenError, nearest_of
 from motiongen.generators.options import Options, option
 from motiongen.recognition import Card, Recogniser
-from motiongen.recognition.positions import first_poses, placed, positions_of
+from motiongen.recognition.positions import first_poses, placed, window_positions
 from motiongen.recognition.pseudo_labels import pseudo_labels
 from train.application import run_training
 from train.draws import numpy_random
@@ -92,7 +92,7 @@ def train(dataset: Dataset, settings: RecogniserSettings, progress: Callable[[fl
     classes, class_of = classes_of(dataset, settings)
     draws = Draws(dataset, class_of, settings.balance)
     random = numpy_random(settings.seed, 0, "usual first pose")
-    usual = positions_of(dataset.batch(draws.windows(REFERENCE_WINDOWS, random), standardised=False), dataset.layout)
+    usual = window_positions(dataset, draws.windows(REFERENCE_WINDOWS, random))
     card = Card(
         skeleton=dataset.skeleton,
         frame_rate=dataset.frame_rate,
@@ -186,7 +186,7 @@ def _learned(
 
 
 def _placed_windows(dataset: Dataset, windows: NDArray[np.int64], card: Card) -> NDArray[np.float32]:
-    positions = positions_of(dataset.batch(windows, standardised=False), dataset.layout)
+    positions = window_positions(dataset, windows)
     return placed(positions, card.reference)
 
 
@@ -198,7 +198,7 @@ def measured(recogniser: Recogniser, dataset: Dataset, class_of: NDArray[np.int6
         return recogniser
     guesses = np.concatenate(
         [
-            recogniser.probabilities(positions_of(dataset.batch(some, standardised=False), dataset.layout)).argmax(1)
+            recogniser.probabilities(window_positions(dataset, some)).argmax(1)
             for some in np.split(windows, range(256, len(windows), 256))
         ]
     )

@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor, nn
 
 from motiongen.errors import MotionGenError
+from motiongen.generators.modi.body import Body
+from motiongen.generators.modi.options import NetworkOptions
 from motiongen.metrics.distribution import kernel_distance
 from motiongen.metrics.frechet import descriptors, frechet_distance
 from motiongen.motion import Motion
 from motiongen.recognition import Recogniser
-from motiongen.recognition.positions import positions_of
+from motiongen.recognition.positions import window_positions
 from train.draws import numpy_random, torch_random
 from train.modi import ModiTraining
 
@@ -90,7 +93,9 @@ class Watch:
         count = training.settings.measured
         if self._real_features is None:
             self._real_features = self._recogniser.features(real_positions(training, count))
-        made = self._recogniser.features(made_positions(training, count))
+        made = self._recogniser.features(
+            network_positions(training.mean_generator, training.body, training.network, _shown_z(training, count))
+        )
         for name, distance in (("fid", frechet_distance), ("kid", kernel_distance)):
             self.writer.add_scalar(f"recogniser/{name}", distance(self._real_features, made), training.iteration)
         self.writer.flush()
@@ -119,10 +124,9 @@ class Watch:
 @torch.no_grad()
 def made_motions(training: ModiTraining, count: int) -> list[Motion]:
     """Motions of the running mean of the weights, from the same seeds at every call."""
-    z = torch.randn(count, training.network.latent_size, generator=torch_random(training.settings.seed, 0, "shown"))
     motions: list[Motion] = []
     mean, deviation = training.source.scale
-    for some in z.split(64):
+    for some in _shown_z(training, count).split(64):
         made = training.mean_generator(some.to(training.workers.device)).float().cpu().numpy()
         motions += [
             training.dataset.to_motion(each * deviation + mean, standardised=False, name=f"made_{len(motions) + k:04d}")
@@ -141,12 +145,13 @@ def real_motions(training: ModiTraining, count: int) -> list[Motion]:
 
 
 @torch.no_grad()
-def made_positions(training: ModiTraining, count: int) -> NDArray[np.float32]:
-    """(count, T, J, 3) joint positions, in skeleton heights, also of a network that makes positions."""
-    z = torch.randn(count, training.network.latent_size, generator=torch_random(training.settings.seed, 0, "shown"))
-    body, rotations = training.body, training.network.representation == "rotations"
-    made = [training.mean_generator(some.to(training.workers.device)).float() for some in z.split(64)]
-    joints = training.dataset.layout.joints
+def network_positions(network: nn.Module, body: Body, options: NetworkOptions, z: Tensor) -> NDArray[np.float32]:
+    """(B, T, J, 3) joint positions, in skeleton heights, that a network makes of z (B, S), as it makes them.
+
+    Positions, not motions: one architecture makes nothing else, and no feet are cleaned up.
+    """
+    made = [network(some.to(body.mean.device)).float() for some in z.split(64)]
+    joints, rotations = body.layout.joints, options.representation == "rotations"
     rows = [body.positions(each) if rotations else body.entities(each)[:, :, joints] for each in made]
     positions: NDArray[np.float32] = torch.cat(rows).cpu().numpy()
     return positions
@@ -155,7 +160,11 @@ def made_positions(training: ModiTraining, count: int) -> NDArray[np.float32]:
 def real_positions(training: ModiTraining, count: int) -> NDArray[np.float32]:
     """(count, T, J, 3) the same of what `real_motions` gives."""
     dataset = training.dataset
-    return positions_of(dataset.batch(_real_windows(training, count), standardised=False), dataset.layout)
+    return window_positions(dataset, _real_windows(training, count))
+
+
+def _shown_z(training: ModiTraining, count: int) -> Tensor:
+    return torch.randn(count, training.network.latent_size, generator=torch_random(training.settings.seed, 0, "shown"))
 
 
 def _real_windows(training: ModiTraining, count: int) -> NDArray[np.int64]:

@@ -85,7 +85,7 @@ def _keyframes(values: dict[str, Any], material: Material) -> Constraint:
         raise MotionGenError(f"keyframes.frames has {len(frames)} entries for {len(poses)} poses; give one for each")
     if len(set(frames)) != len(frames):
         raise MotionGenError("keyframes.frames names a frame twice; a frame can have one pose")
-    held = None if joints is None else _exactly(joints)
+    held = None if joints is None else exactly(joints)
     return Keyframes({frame: motion[pose] for frame, pose in zip(frames, poses)}, held)
 
 
@@ -96,7 +96,7 @@ def _fixed_joints(values: dict[str, Any], material: Material) -> Constraint:
         raise MotionGenError("fixed_joints.joints is empty; name the joints that are given, such as ['*Leg*', Hips]")
     if known is not None:
         chosen = {motion.skeleton.names[j] for j in motion.skeleton.select(joints)}
-        joints = _exactly(tuple(name for name in known if name in chosen))
+        joints = exactly(tuple(name for name in known if name in chosen))
     return FixedJoints(motion, joints)
 
 
@@ -123,7 +123,7 @@ _READERS: dict[str, Callable[[dict[str, Any], Material], Constraint]] = {
 }
 
 
-def _exactly(names: Sequence[str]) -> tuple[str, ...]:
+def exactly(names: Sequence[str]) -> tuple[str, ...]:
     """Patterns that match these names and nothing else."""
     return tuple("".join(f"[{letter}]" if letter in "*?[" else letter for letter in name) for name in names)
 

@@ -10,15 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from hydra.core.hydra_config import HydraConfig
 from numpy.typing import NDArray
-from omegaconf import DictConfig, OmegaConf
 
-from motiongen import io
 from motiongen.attributes import Attribute, attribute_of, attributes_for
-from motiongen.commands.hydra_app import run_application
+from motiongen.commands.hydra_app import run_command
 from motiongen.commands.latent_inputs import Point, latent_generator, points
-from motiongen.commands.settings import choice, leaving_no_empty, whole
+from motiongen.commands.settings import clip_format, whole
 from motiongen.console import progress_bar
 from motiongen.errors import MotionGenError
 from motiongen.files import atomic_path, atomic_write
@@ -70,18 +67,12 @@ class Edited:
 
 def run(arguments: Sequence[str]) -> None:
     """Run the command with its overrides."""
-    run_application(_task, "edit", arguments)
-
-
-def _task(config: DictConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    with leaving_no_empty(folder):
-        _edit(cast(dict[str, Any], OmegaConf.to_container(config, resolve=True)), folder)
+    run_command(_edit, "edit", arguments)
 
 
 def _edit(values: Values, folder: Path) -> None:
     strengths, layers = _strengths(values["strengths"]), _layers(values["layers"])
-    written = choice("format", values["format"], [suffix.lstrip(".") for suffix in io.formats()])
+    written = clip_format(values)
     for name, least in (("seed", 0), ("samples", 1), ("poses", 1), ("frames", 1)):
         if values[name] is not None:
             whole(name, values[name], least)

@@ -7,26 +7,23 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from hydra.core.hydra_config import HydraConfig
 from numpy.typing import NDArray
-from omegaconf import DictConfig, OmegaConf
 
 from motiongen.assets import BUNDLED_RECOGNISER
-from motiongen.commands.hydra_app import run_application
+from motiongen.commands.hydra_app import run_command
 from motiongen.commands.inputs import Inputs, load_examples, read_input
-from motiongen.commands.settings import choice, leaving_no_empty, whole
+from motiongen.commands.settings import chosen_generator, up_and_unit, whole
 from motiongen.console import progress_bar
 from motiongen.datasets import Dataset
 from motiongen.errors import MotionGenError
 from motiongen.files import atomic_write
 from motiongen.generators.options import Options
-from motiongen.generators.registry import GeneratorSpec, spec_of
+from motiongen.generators.registry import GeneratorSpec
 from motiongen.metrics.distribution import Comparison, compare
 from motiongen.metrics.physical import Physical, measure_physical
-from motiongen.motion import METRES_PER_UNIT, UP_AXES
 
 if TYPE_CHECKING:
     from motiongen.generators.base import Generator
@@ -130,33 +127,30 @@ class Evaluation:
 
 def run(arguments: Sequence[str]) -> None:
     """Run the command with its overrides."""
-    run_application(_task, "evaluate", arguments)
+    run_command(_evaluate, "evaluate", arguments)
 
 
-def _task(config: DictConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    with leaving_no_empty(folder):
-        values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
-        evaluation = evaluate(_request(values))
-        files = evaluation.save(folder)
+def _evaluate(values: dict[str, Any], folder: Path) -> None:
+    evaluation = evaluate(_request(values))
+    files = evaluation.save(folder)
     for table in evaluation.tables():
         print("\n".join(_aligned(table)), end="\n\n")
     print(f"in {folder}: {', '.join(path.name for path in files)}")
 
 
 def _request(values: Mapping[str, Any]) -> Request:
-    options = dict(values["generator"])
-    spec = spec_of(str(options.pop("name")))
+    spec, options = chosen_generator(values["generator"])
     if values["data"] is None:
         raise MotionGenError("data=FOLDER is missing; make one with `motiongen data import CLIPS FOLDER`")
+    up, unit = up_and_unit(values)
     return Request(
         data=str(values["data"]),
         recogniser=BUNDLED_RECOGNISER if values["recogniser"] is None else Path(str(values["recogniser"])),
         spec=spec,
         options=spec.options_type().build(options),
         inputs=read_input(values["input"], needed=not spec.capabilities.needs_training),
-        up=choice("up", values["up"], (None, *UP_AXES)),
-        unit=choice("unit", values["unit"], (None, *METRES_PER_UNIT)),
+        up=up,
+        unit=unit,
         count=whole("count", values["count"], LEAST),
         resamples=whole("resamples", values["resamples"], 2),
         seed=whole("seed", values["seed"], 0),
@@ -170,6 +164,7 @@ def evaluate(request: Request) -> Evaluation:
         MotionGenError: if dataset, recogniser and generator do not fit together, or nothing was held back.
     """
     from motiongen.recognition import Recogniser
+    from motiongen.recognition.positions import window_positions
 
     begun = time.perf_counter()
     dataset, recogniser = Dataset.open(request.data), Recogniser.load(request.recogniser)
@@ -180,7 +175,7 @@ def evaluate(request: Request) -> Evaluation:
     with progress_bar("sampling") as progress:
         made = generator.sample(frames, request.count, request.seed, progress=progress)
     features = {MADE: recogniser.features(recogniser.of_motions(made)), **_yardsticks(request, dataset, recogniser)}
-    seen = recogniser.features(_positions(dataset, real))
+    seen = recogniser.features(window_positions(dataset, real))
     with progress_bar("comparing") as progress:
         comparisons = {}
         for name, each in features.items():
@@ -240,9 +235,9 @@ def _fitted(request: Request, dataset: Dataset) -> Generator:
 
 def _yardsticks(request: Request, dataset: Dataset, recogniser: Recogniser) -> dict[str, NDArray[np.float32]]:
     """Features of the floor and of the ceiling."""
-    from motiongen.recognition.positions import positions_of
+    from motiongen.recognition.positions import positions_of, window_positions
 
-    real = _positions(dataset, dataset.draw("training", request.count, _random(request, TRAINING)))
+    real = window_positions(dataset, dataset.draw("training", request.count, _random(request, TRAINING)))
     shuffled = _random(request, SHUFFLED).permuted(np.arange(real.shape[1])[None].repeat(len(real), axis=0), axis=1)
     noise = _random(request, NOISE).standard_normal((request.count, dataset.window_frames, *dataset.mean.shape))
     noise = noise * dataset.deviation + dataset.mean
@@ -251,13 +246,6 @@ def _yardsticks(request: Request, dataset: Dataset, recogniser: Recogniser) -> d
         SHUFFLED: recogniser.features(np.take_along_axis(real, shuffled[:, :, None, None], axis=1)),
         NOISE: recogniser.features(positions_of(noise, dataset.layout)),
     }
-
-
-def _positions(dataset: Dataset, windows: NDArray[np.int64]) -> NDArray[np.float32]:
-    """(B, T, J, 3) joint positions of windows (B, 2), in skeleton heights."""
-    from motiongen.recognition.positions import positions_of
-
-    return positions_of(dataset.batch(windows, standardised=False), dataset.layout)
 
 
 def _random(request: Request, purpose: str) -> np.random.Generator:

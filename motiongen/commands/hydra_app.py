@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, cast
 
 import hydra
 from hydra.core.config_store import ConfigStore
@@ -18,6 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from motiongen.assets import config_folder
 from motiongen.commands.inputs import is_pattern
+from motiongen.commands.settings import leaving_no_empty
 from motiongen.commands.sweep import register_sweeper
 from motiongen.errors import MotionGenError, nearest_of
 from motiongen.generators.registry import BUILT_IN, specs
@@ -29,6 +32,30 @@ PATHS = ("input", "output", "from", "to", "coarse", "fine", "around", "data", "r
 """Settings that may be paths, which may hold odd characters."""
 
 LAUNCHER_EXTRAS = {"joblib": "sweep", "ray": "ray"}
+
+
+Work = Callable[[dict[str, Any], Path], None]
+
+
+def run_command(work: Work, config_name: str, arguments: Sequence[str]) -> None:
+    """Run a command that needs nothing but settings and a folder (see `run_application`).
+
+    Args:
+        work: takes the composed settings as plain data, and the folder for results, which goes again if it fails
+            before anything is in it.
+        config_name: the primary configuration, without suffix.
+        arguments: overrides (key=value) and Hydra's own flags.
+
+    Raises:
+        MotionGenError: for anything that is wrong with the arguments or the configuration, and what `work` raises.
+    """
+    run_application(functools.partial(_work_task, work), config_name, arguments)
+
+
+def _work_task(work: Work, config: DictConfig) -> None:
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    with leaving_no_empty(folder):
+        work(cast(dict[str, Any], OmegaConf.to_container(config, resolve=True)), folder)
 
 
 def run_application(task: Callable[[DictConfig], None], config_name: str, arguments: Sequence[str]) -> None:

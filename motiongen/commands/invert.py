@@ -6,19 +6,18 @@ import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf
 
 from motiongen import io
-from motiongen.commands.hydra_app import run_application
+from motiongen.commands.hydra_app import run_command
 from motiongen.commands.latent_inputs import latent_generator
-from motiongen.commands.settings import choice, leaving_no_empty, whole
+from motiongen.commands.settings import choice, clip_format, up_and_unit, whole
 from motiongen.console import progress_bar
 from motiongen.errors import MotionGenError
 from motiongen.files import atomic_path, atomic_write
-from motiongen.motion import METRES_PER_UNIT, UP_AXES, Motion
+from motiongen.motion import Motion
 
 if TYPE_CHECKING:
     from motiongen.generators.modi.encoder import Encoder
@@ -34,17 +33,11 @@ SHOWN = 4
 
 def run(arguments: Sequence[str]) -> None:
     """Run the command with its overrides."""
-    run_application(_task, "invert", arguments)
-
-
-def _task(config: DictConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    with leaving_no_empty(folder):
-        _invert(cast(dict[str, Any], OmegaConf.to_container(config, resolve=True)), folder)
+    run_command(_invert, "invert", arguments)
 
 
 def _invert(values: dict[str, Any], folder: Path) -> None:
-    written = choice("format", values["format"], [suffix.lstrip(".") for suffix in io.formats()])
+    written = clip_format(values)
     action, method = choice("action", values["action"], ACTIONS), choice("method", values["method"], METHODS)
     needs_encoder = action != "invert" or method != "optimiser"
     if needs_encoder and values["encoder"] is None:
@@ -75,8 +68,7 @@ def _invert(values: dict[str, Any], folder: Path) -> None:
 def _clip(values: dict[str, Any], name: str) -> Motion:
     if values[name] is None:
         raise MotionGenError(f"{name}=CLIP is missing; clips end in {', '.join(io.formats())}")
-    up = choice("up", values["up"], (None, *UP_AXES))
-    unit = choice("unit", values["unit"], (None, *METRES_PER_UNIT))
+    up, unit = up_and_unit(values)
     return io.load(Path(str(values[name])).expanduser(), up=up, unit=unit)
 
 

@@ -14,11 +14,10 @@ from hydra.types import RunMode
 from numpy.typing import NDArray
 from omegaconf import DictConfig, OmegaConf
 
-from motiongen import io
 from motiongen.commands.hydra_app import run_application
 from motiongen.commands.latent_inputs import Point, latent_generator, points
-from motiongen.commands.settings import choice, leaving_no_empty, whole
-from motiongen.commands.sweep import COMPLETE, composed_text
+from motiongen.commands.settings import choice, clip_format, leaving_no_empty, whole
+from motiongen.commands.sweep import completing, composed_text
 from motiongen.console import progress_bar
 from motiongen.errors import MotionGenError
 from motiongen.files import atomic_path, atomic_write
@@ -72,17 +71,14 @@ def _task(config: DictConfig) -> None:
     with leaving_no_empty(folder):
         values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
         task = choice("task", values["task"], list(TASKS))
-        written = choice("format", values["format"], [suffix.lstrip(".") for suffix in io.formats()])
+        written = clip_format(values)
         for name, least in (("seed", 0), ("poses", 1), ("frames", 1)):
             if values[name] is not None:
                 whole(name, values[name], least)
         generator = latent_generator(values["generator"])
         made = TASKS[task](generator, values)
-        complete = folder / COMPLETE
-        complete.unlink(missing_ok=True)  # an earlier run's; what follows replaces its files one by one
-        files = _write(made, generator, values, folder, written)
-        with atomic_write(complete) as file:
-            file.write(composed_text(config).encode())
+        with completing(folder, composed_text(config)) as complete:
+            files = _write(made, generator, values, folder, written)
         if hydra.mode is not RunMode.MULTIRUN:  # a sweep tells of its runs itself
             print("\n".join([*made.summary, f"in {folder}:", f"  {', '.join([*files, complete.name])}"]))
 

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen import io
-from motiongen.commands.settings import whole
+from motiongen.commands.settings import chosen_generator, whole
 from motiongen.errors import MotionGenError
-from motiongen.generators.registry import spec_of
 
 MEAN = "mean"
 
@@ -37,8 +36,7 @@ def latent_generator(settings: dict[str, Any]) -> Any:
     Raises:
         MotionGenError: if it has no latent space.
     """
-    options = dict(settings)
-    spec = spec_of(str(options.pop("name")))
+    spec, options = chosen_generator(settings)
     if not spec.capabilities.has_latent_space:
         raise MotionGenError(f"generator={spec.name} has no latent space; generator=modi does")
     return spec.create(spec.options_type().build(options))

@@ -13,19 +13,25 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from motiongen import io
 from motiongen.commands.constraint_settings import Material, read_constraints
 from motiongen.commands.hydra_app import run_application
 from motiongen.commands.inputs import Inputs, load_examples, read_input
-from motiongen.commands.settings import choice, leaving_no_empty, positive, whole
-from motiongen.commands.sweep import COMPLETE, composed_text
+from motiongen.commands.settings import (
+    choice,
+    chosen_generator,
+    clip_format,
+    leaving_no_empty,
+    positive,
+    up_and_unit,
+    whole,
+)
+from motiongen.commands.sweep import completing, composed_text
 from motiongen.console import progress_bar
 from motiongen.errors import MotionGenError
-from motiongen.files import atomic_write
 from motiongen.generators.constraints import Constraint, FixedJoints, Keyframes, Segment, Style
 from motiongen.generators.options import Options
-from motiongen.generators.registry import GeneratorSpec, spec_of
-from motiongen.motion import METRES_PER_UNIT, UP_AXES, Motion
+from motiongen.generators.registry import GeneratorSpec
+from motiongen.motion import Motion
 
 if TYPE_CHECKING:
     from motiongen.generators.base import Generator
@@ -74,20 +80,19 @@ def read_request(config: DictConfig) -> Request:
     """
     constraints = _constraints(config)
     values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
-    generator = dict(values["generator"])
-    spec = spec_of(str(generator.pop("name")))
-    formats = [suffix.lstrip(".") for suffix in io.formats()]
+    spec, options = chosen_generator(values["generator"])
+    up, unit = up_and_unit(values)
     frames = values["frames"]
     return Request(
         inputs=read_input(values["input"], needed=not spec.capabilities.needs_training),
-        up=choice("up", values["up"], (None, *UP_AXES)),
-        unit=choice("unit", values["unit"], (None, *METRES_PER_UNIT)),
+        up=up,
+        unit=unit,
         spec=spec,
-        options=spec.options_type().build(generator),
+        options=spec.options_type().build(options),
         frames=None if frames is None else whole("frames", frames, 1),
         count=whole("count", values["count"], 1),
         seed=whole("seed", values["seed"], 0),
-        format=choice("format", values["format"], formats),
+        format=clip_format(values),
         preview=_preview(values["preview"]),
         preview_count=whole("preview_count", values["preview_count"], 0),
         preview_seconds=positive("preview_seconds", values["preview_seconds"]),
@@ -110,11 +115,8 @@ def _sample(request: Request, folder: Path, composed: str, alone: bool) -> None:
     with _watched("sampling", alone) as progress:
         motions = generator.sample(frames, request.count, request.seed, constraints, progress)
     sampled = time.perf_counter()
-    complete = folder / COMPLETE
-    complete.unlink(missing_ok=True)  # an earlier run's; what follows replaces its files one by one
-    written = [folder / f"{motion.name}.{request.format}" for motion in motions]
-    for motion, path in zip(motions, written):
-        motion.save(path)
+    from motiongen.report import make_report
+
     run = {
         "settings": list(HydraConfig.get().overrides.task),
         "generator": request.spec.name,
@@ -129,13 +131,13 @@ def _sample(request: Request, folder: Path, composed: str, alone: bool) -> None:
         "sample_seconds": sampled - fitted,
         "credit": generator.credit,
     }
-    pictures = _draw(request, examples, motions, folder, alone)
-    from motiongen.report import make_report
-
-    report = make_report(examples, motions, run, in_parts=bool(given.constraints))
-    pages = report.save(folder)
-    with atomic_write(complete) as file:
-        file.write(composed.encode())
+    with completing(folder, composed) as complete:
+        written = [folder / f"{motion.name}.{request.format}" for motion in motions]
+        for motion, path in zip(motions, written):
+            motion.save(path)
+        pictures = _draw(request, examples, motions, folder, alone)
+        report = make_report(examples, motions, run, in_parts=bool(given.constraints))
+        pages = report.save(folder)
     if alone:
         _summarise(report, sampled - fitted, folder, [*written, *pictures, *pages, complete])
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from motiongen import io
 from motiongen.errors import MotionGenError
+from motiongen.generators.registry import GeneratorSpec, spec_of
+from motiongen.motion import METRES_PER_UNIT, UP_AXES
 
 
 @contextmanager
@@ -41,3 +44,20 @@ def choice(name: str, value: Any, allowed: Sequence[Any]) -> Any:
         words = ", ".join("null" if word is None else str(word) for word in allowed)
         raise MotionGenError(f"{name} must be one of {words}, not {value!r}")
     return value
+
+
+def clip_format(values: Mapping[str, Any]) -> str:
+    """The suffix, without its dot, of the clips to write: the setting `format`."""
+    return str(choice("format", values["format"], [suffix.lstrip(".") for suffix in io.formats()]))
+
+
+def up_and_unit(values: Mapping[str, Any]) -> tuple[str | None, str | None]:
+    """How clips are read: the settings `up` and `unit`, null for what the files say."""
+    up, unit = choice("up", values["up"], (None, *UP_AXES)), choice("unit", values["unit"], (None, *METRES_PER_UNIT))
+    return up, unit
+
+
+def chosen_generator(group: Mapping[str, Any]) -> tuple[GeneratorSpec, dict[str, Any]]:
+    """The generator that the group `generator` names, and what it says of the options, which is not checked yet."""
+    options = dict(group)
+    return spec_of(str(options.pop("name"))), options

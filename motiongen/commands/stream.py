@@ -6,38 +6,24 @@ import itertools
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf
-
-from motiongen import io
-from motiongen.commands.hydra_app import run_application
+from motiongen.commands.hydra_app import run_command
 from motiongen.commands.inputs import load_examples, read_input
-from motiongen.commands.settings import choice, leaving_no_empty, whole
+from motiongen.commands.settings import chosen_generator, clip_format, up_and_unit, whole
 from motiongen.errors import MotionGenError
-from motiongen.generators.registry import spec_of
-from motiongen.motion import METRES_PER_UNIT, UP_AXES
 
 
 def run(arguments: Sequence[str]) -> None:
     """Run the command with its overrides."""
-    run_application(_task, "stream", arguments)
-
-
-def _task(config: DictConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    with leaving_no_empty(folder):
-        _stream(cast(dict[str, Any], OmegaConf.to_container(config, resolve=True)), folder)
+    run_command(_stream, "stream", arguments)
 
 
 def _stream(values: dict[str, Any], folder: Path) -> None:
-    options = dict(values["generator"])
-    spec = spec_of(str(options.pop("name")))
+    spec, options = chosen_generator(values["generator"])
     chunks = None if values["chunks"] is None else whole("chunks", values["chunks"], 1)
-    written = choice("format", values["format"], [suffix.lstrip(".") for suffix in io.formats()])
-    up = choice("up", values["up"], (None, *UP_AXES))
-    unit = choice("unit", values["unit"], (None, *METRES_PER_UNIT))
+    written = clip_format(values)
+    up, unit = up_and_unit(values)
     generator: Any = spec.create(spec.options_type().build(options))
     if not hasattr(generator, "stream"):
         raise MotionGenError(f"generator={spec.name} makes no endless motion; generator=genmm does")

@@ -48,6 +48,21 @@ def composed_text(config: DictConfig) -> str:
     return OmegaConf.to_yaml(config, resolve=True)
 
 
+@contextmanager
+def completing(folder: Path, composed: str) -> Iterator[Path]:
+    """Around what writes a run's results: `COMPLETE`, of which the path is given, is gone before and there afterwards.
+
+    Args:
+        folder: for results.
+        composed: see `composed_text`.
+    """
+    path = folder / COMPLETE
+    path.unlink(missing_ok=True)  # an earlier run's; what follows replaces its files one by one
+    yield path
+    with atomic_write(path) as file:
+        file.write(composed.encode())
+
+
 @dataclass(frozen=True)
 class SweptTask:
     """A task as one of many: what goes wrong is noted in its folder and stops nothing else.

@@ -13,7 +13,6 @@ import sys
 import threading
 import time
 import traceback
-import typing
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from typing import Any, BinaryIO
@@ -34,20 +33,13 @@ from motiongen.commands.protocol import (
     size_of_result,
 )
 from motiongen.commands.settings import whole
-from motiongen.errors import MotionGenError, nearest_of
+from motiongen.errors import CancelledError, MotionGenError, nearest_of
 from motiongen.generators.base import Progress
-from motiongen.generators.options import Options
+from motiongen.generators.options import check_offered, offered
 from motiongen.generators.registry import GeneratorSpec, spec_of, specs
-
-FILE_OPTIONS = ("checkpoint",)
-"""Options that name files; a client may not set them."""
 
 PROGRESS_SECONDS = 0.1
 """Progress is told no more often than this."""
-
-
-class CancelledError(Exception):
-    """The client no longer wants what is being made."""
 
 
 def run(arguments: Sequence[str]) -> None:
@@ -214,7 +206,7 @@ def _described(spec: GeneratorSpec) -> dict[str, Any]:
         **described,
         "needs_examples": not capabilities.needs_training,
         "constraints": sorted(_setting_name(each.__name__) for each in capabilities.constraints),
-        "options": _described_options(kind),
+        "options": [dataclasses.asdict(option) for option in offered(kind)],
     }
 
 
@@ -223,32 +215,13 @@ def _setting_name(name: str) -> str:
     return "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in name).lstrip("_")
 
 
-def _described_options(kind: type[Options]) -> list[dict[str, Any]]:
-    hints = typing.get_type_hints(kind)
-    described = []
-    for field in dataclasses.fields(kind):
-        if field.name in FILE_OPTIONS:
-            continue
-        types = typing.get_args(hints[field.name]) or (hints[field.name],)
-        described.append(
-            {
-                "name": field.name,
-                "types": ["null" if each is type(None) else each.__name__ for each in types],
-                "default": field.default,
-                **{key: field.metadata.get(key) for key in ("help", "minimum", "maximum", "above", "choices")},
-            }
-        )
-    return described
-
-
 def _sample(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     begun = time.perf_counter()
     name, options = request["generator"], request["options"]
     if not isinstance(name, str) or not isinstance(options, dict):
         raise MotionGenError("generator must be a name, and options an object in braces")
-    if refused := [option for option in options if option in FILE_OPTIONS]:
-        raise MotionGenError(f"the option '{refused[0]}' names a file, and a client may name none; leave it out")
     spec = spec_of(name)
+    check_offered(spec.options_type(), options)
     built = spec.options_type().build(options)
     settings = constraint_settings(request["constraints"])
     examples, clips = _motions(request)

@@ -22,8 +22,9 @@ from motiongen.datasets.rig import Rig, choose_rig
 from motiongen.datasets.settings import ImportSettings
 from motiongen.datasets.sources import Item, walk
 from motiongen.datasets.statistics import with_statistics
-from motiongen.datasets.store import Index, Writer, map_arrays, new_folder
+from motiongen.datasets.store import Index, Writer, map_arrays
 from motiongen.errors import MotionGenError
+from motiongen.files import new_folder
 from motiongen.motion import Motion
 
 PROBED = 8
@@ -64,7 +65,7 @@ def import_clips(
     paths = [Path(source) for source in ([sources] if isinstance(sources, (str, Path)) else sources)]
     if not paths:
         raise MotionGenError("an import needs at least one folder or archive; none came")
-    with new_folder(Path(out)) as folder:
+    with new_folder(out) as folder:
         rig, items = _probe(walk(paths, progress), settings)
         with contextlib.closing(Writer(folder, rig.layout)) as writer:
             work = functools.partial(prepare, rig=rig, settings=settings)

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from motiongen import rotations as rot
 from motiongen.datasets.dataset import Dataset
 from motiongen.datasets.entities import CHANNELS, EntityLayout, from_entities
-from motiongen.datasets.store import Index, Writer, damage_told, new_folder
-from motiongen.files import atomic_write, open_to_read
+from motiongen.datasets.store import Index, Writer, damage_told
+from motiongen.files import atomic_write, new_folder, open_to_read
 
 FORMAT, VERSION = "motiongen packed dataset", 1
 
@@ -91,7 +91,7 @@ def unpack(path: str | Path, out: str | Path) -> Dataset:
     """
     path = Path(path)
     arrays, index, grid = _read(path)
-    with new_folder(Path(out)) as folder:
+    with new_folder(out) as folder:
         writer = Writer(folder, index.layout)
         try:
             for now in _slices(index.lengths):

@@ -13,9 +13,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
-import secrets
-import shutil
 import tokenize
 import zipfile
 from collections.abc import Iterator
@@ -189,30 +186,6 @@ class _Growing:
         header = {"descr": "<f4", "fortran_order": False, "shape": (self.length, *self.shape)}
         np.lib.format.write_array_header_1_0(self.file, header)
         return self.file.tell()
-
-
-@contextmanager
-def new_folder(out: Path) -> Iterator[Path]:
-    """A temporary folder beside `out` that becomes `out` when the block ends without an error, else disappears.
-
-    Raises:
-        MotionGenError: if `out` exists and is not an empty folder, its parent does not exist, or writing fails.
-    """
-    try:
-        if out.exists() and not (out.is_dir() and not any(out.iterdir())):
-            raise MotionGenError(f"{out}: this exists; remove it, or choose another place")
-        if not out.resolve().parent.is_dir():
-            raise MotionGenError(f"{out}: the folder '{out.resolve().parent}' does not exist; make it first")
-        temporary = out.resolve().with_name(f".motiongen-{secrets.token_hex(8)}")
-        temporary.mkdir()
-        try:
-            yield temporary
-            os.replace(temporary, out.resolve())
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise MotionGenError(f"{out}: cannot be written ({reason}); choose another place") from error
 
 
 def read_index(folder: Path) -> tuple[Index, str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -26,6 +26,7 @@ def option(
     maximum: float | None = None,
     above: float | None = None,
     choices: tuple[str, ...] | None = None,
+    file: bool = False,
 ) -> Any:
     """A dataclass field with a default, one line of help, and what it may be.
 
@@ -36,9 +37,57 @@ def option(
         maximum: the largest number allowed.
         above: a number that the value must exceed.
         choices: the only words allowed.
+        file: whether the value names a file or a folder; those who are served from afar may not set it.
     """
     bounds = {"minimum": minimum, "maximum": maximum, "above": above, "choices": choices}
-    return dataclasses.field(default=default, metadata={"help": help, **bounds})
+    return dataclasses.field(default=default, metadata={"help": help, "file": file, **bounds})
+
+
+@dataclass(frozen=True)
+class Described:
+    """An option as a face offers it.
+
+    Attributes:
+        name: of the field.
+        types: what it may be: "bool", "int", "float", "str", "tuple", and "null" for None.
+        default: its value without a setting.
+        help: one line on what it does, or None; so are the following where the option does not say.
+        minimum: the smallest number allowed.
+        maximum: the largest number allowed.
+        above: a number that the value must exceed.
+        choices: the only words allowed.
+    """
+
+    name: str
+    types: tuple[str, ...]
+    default: Any
+    help: str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+    choices: tuple[str, ...] | None = None
+
+
+def offered(kind: type[Options]) -> list[Described]:
+    """The options that a face offers to those it serves: all but names of files."""
+    hints = typing.get_type_hints(kind)
+    described = []
+    for field in dataclasses.fields(kind):
+        if field.metadata.get("file"):
+            continue
+        types = typing.get_args(hints[field.name]) or (hints[field.name],)
+        words = tuple("null" if each is type(None) else each.__name__ for each in types)
+        given = {key: field.metadata.get(key) for key in ("help", "minimum", "maximum", "above", "choices")}
+        described.append(Described(field.name, words, field.default, **given))
+    return described
+
+
+def check_offered(kind: type[Options], names: Iterable[str]) -> None:
+    """Raise MotionGenError if one of `names` is an option that names a file."""
+    files = {field.name for field in dataclasses.fields(kind) if field.metadata.get("file")}
+    for name in names:
+        if name in files:
+            raise MotionGenError(f"the option '{name}' names a file, and a client may name none; leave it out")
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ Arguments: the file to read, the file to write, the frame rate.
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -44,6 +46,18 @@ def convert(source: Path, target: Path, rate: float) -> None:
         )  # fmt: skip
 
 
+def leave() -> None:
+    """End a Python that has imported Blender: at its usual end the package of Blender 4.2 and 4.3 crashes."""
+    import bpy
+
+    shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
+    sys.stdout.flush()
+    os._exit(0)
+
+
 if __name__ == "__main__":
-    given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    inside_program = "--" in sys.argv
+    given = sys.argv[sys.argv.index("--") + 1 :] if inside_program else sys.argv[1:]
     convert(Path(given[0]), Path(given[1]), float(given[2]))
+    if not inside_program:
+        leave()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen import kinematics
-from motiongen.datasets import EntityLayout
+from motiongen.datasets import Dataset, EntityLayout
 
 Floats = NDArray[np.float32]
 
@@ -28,6 +28,11 @@ def positions_of(windows: NDArray[Any], layout: EntityLayout) -> Floats:
     """
     starts = range(0, max(1, len(windows)), PLACED_AT_ONCE)
     return np.concatenate([_positions_of(windows[start : start + PLACED_AT_ONCE], layout) for start in starts])
+
+
+def window_positions(dataset: Dataset, windows: NDArray[np.int64]) -> Floats:
+    """(B, T, J, 3) the same of a dataset's windows (B, 2), as `Dataset.draw` gives them."""
+    return positions_of(dataset.batch(windows, standardised=False), dataset.layout)
 
 
 def _positions_of(windows: NDArray[Any], layout: EntityLayout) -> Floats:

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from motiongen.datasets import EntityLayout
-from motiongen.datasets.store import new_folder
 from motiongen.errors import MotionGenError
+from motiongen.files import new_folder
 from motiongen.motion import Motion
 from motiongen.recognition.network import GraphNetwork
 from motiongen.recognition.positions import placed
@@ -171,7 +171,7 @@ class Recogniser:
         from safetensors import SafetensorError
         from safetensors.torch import save_file
 
-        with new_folder(Path(folder)) as temporary:
+        with new_folder(folder) as temporary:
             (temporary / MODEL).write_text(json.dumps(self.card.to_dict()), encoding="utf-8")
             weights = {name: _kept(tensor).contiguous() for name, tensor in self.network.state_dict().items()}
             try:

@@ -66,17 +66,14 @@ def render_clips(
             MP4, or the file cannot be written. Arguments are checked before anything is drawn.
     """
     path = Path(path)
-    suffix = _checked_suffix(path, frame_rate)
+    suffix = _checked_suffix(path, frame_rate, size)
     if suffix == ".html":
-        if size is not None:
-            raise MotionGenError("size is for pictures; an .html page fills its window: leave it out")
         return write_player(motions, path, labels, seconds)
     with files.atomic_path(path) as temporary:
-        if suffix == ".png":
+        if (kind := video.KINDS.get(suffix)) is None:
             strip = film_strip(motions, labels, size=size, seconds=seconds, supersample=supersample, progress=progress)
             strip.save(temporary)
             return path
-        kind = video.KINDS[suffix]
         movie = build_movie(
             motions,
             labels,
@@ -91,14 +88,16 @@ def render_clips(
     return path
 
 
-def _checked_suffix(path: Path, frame_rate: float | None) -> str:
-    """The suffix of `path`, if it is one that can be written, at `frame_rate` where one is given."""
+def _checked_suffix(path: Path, frame_rate: float | None, size: tuple[int, int] | None) -> str:
+    """The suffix of `path`, if it is one that can be written, at `frame_rate` and of `size` where they are given."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         came = f"'{path.suffix}'" if path.suffix else "no suffix"
         raise MotionGenError(
             f"{path}: a picture's suffix must be one of {', '.join(SUFFIXES)}, not {came}{nearest_of(suffix, SUFFIXES)}"
         )
+    if suffix == ".html" and size is not None:
+        raise MotionGenError("size is for pictures; an .html page fills its window: leave it out")
     if frame_rate is None:
         return suffix
     if suffix in (".png", ".html"):

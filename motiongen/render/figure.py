@@ -117,10 +117,10 @@ def build_figure(motion: Motion, nodes: Array, height: float) -> Figure:
     tips = np.setdiff1d(bones[:, 1], bones[:, 0]) if len(bones) else np.array([root])
     heads = _heads(skeleton, bones)
     balls = np.array([*heads, *((tip, tip) for tip in tips if tip not in {head[1] for head in heads})])
-    sizes = [min(lengths[tip] / 2, _LARGEST_HEAD) for _, tip in heads]
+    sizes = [min(lengths[tip] / (2 if base != tip else 1), _LARGEST_HEAD) for base, tip in heads]
     sizes += [_BALL if len(bones) else _LONE_BALL] * (len(balls) - len(heads))
     radii = _THIN + _TAPER * np.sqrt(still_to_come)
-    radii[[children.index(tip) for _, tip in heads], 1] = 0.0  # inside the ball, which touches the tip
+    radii[[children.index(tip) for base, tip in heads if base != tip], 1] = 0.0  # in the ball, which touches the tip
     plain = np.full(len(balls), MIDDLE)
     sides = _sides(skeleton)[bones[:, 1]]
     return Figure(bones, height * radii, sides, balls, height * np.array(sizes), plain, root)
@@ -146,19 +146,19 @@ def _reach(parents: NDArray[np.int64], lengths: Array) -> Array:
 
 
 def _heads(skeleton: Skeleton, bones: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """The last bones that are called a head at either end: a ball between the two makes a face."""
+    """The nodes between which a ball makes a face: the ends of the last bone, where the upper one is called a head.
+
+    Some rigs end with the joint of the head, which is at its base: the ball is around that one then.
+    """
     uppers = bones[:, 0].tolist()
 
-    def names(*nodes: int) -> tuple[str, ...]:
-        return tuple(skeleton.names[node] for node in nodes if node < len(skeleton))
+    def is_head(node: int) -> bool:
+        return node < len(skeleton) and "head" in skeleton.names[node].lower()
 
-    return [
-        (upper, lower)
-        for upper, lower in bones.tolist()
-        if lower not in uppers
-        and uppers.count(upper) == 1
-        and any("head" in name.lower() for name in names(upper, lower))
-    ]
+    last = [(upper, lower) for upper, lower in bones.tolist() if lower not in uppers and uppers.count(upper) == 1]
+    between = [(upper, lower) for upper, lower in last if is_head(upper)]
+    around = [(lower, lower) for upper, lower in last if is_head(lower) and not is_head(upper)]
+    return [*between, *around]
 
 
 def facing(skeleton: Skeleton, nodes: Array) -> Array | None:

@@ -18,6 +18,11 @@ STILL: Colour = (168, 168, 166)
 SIDES: dict[int, Colour] = {MIDDLE: (74, 74, 78), LEFT: (0, 114, 178), RIGHT: (213, 94, 0), MARKED: (170, 51, 119)}
 
 
+def css(colour: Colour) -> str:
+    """A colour as web pages write it."""
+    return "#" + bytes(colour).hex()
+
+
 def mix(first: Colour, second: Colour, share: float) -> Colour:
     """`first` with `share` (0 to 1) of `second` in it."""
     red, green, blue = (round(a + (b - a) * share) for a, b in zip(first, second))

@@ -47,7 +47,7 @@ def write_player(
     colours = {name: getattr(palette, name) for name in ("BACKDROP", "GROUND", "GRID", "INK", "FAINT_INK", "PATH")}
     data = {
         "clips": [_clip(actor, motion.frame_rate) for actor, motion in zip(actors, shown)],
-        "colours": {name.lower(): _css(colour) for name, colour in colours.items()},
+        "colours": {name.lower(): palette.css(colour) for name, colour in colours.items()},
     }
     # "<" in a name must not end the script that the data stands in.
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
@@ -72,14 +72,10 @@ def _clip(actor: Actor, frame_rate: float) -> dict[str, Any]:
         "count": len(drawn),
         "bones": place[figure.bones].tolist(),
         "radii": np.round(figure.radii, 5).tolist(),
-        "colours": [_css(palette.SIDES[side]) for side in figure.sides.tolist()],
+        "colours": [palette.css(palette.SIDES[side]) for side in figure.sides.tolist()],
         "balls": place[figure.balls].tolist(),
         "ballRadii": np.round(figure.ball_radii, 5).tolist(),
-        "ballColours": [_css(palette.SIDES[side]) for side in figure.ball_sides.tolist()],
+        "ballColours": [palette.css(palette.SIDES[side]) for side in figure.ball_sides.tolist()],
         "root": int(place[figure.root]),
         "front": np.round(actor.front, 4).tolist(),
     }
-
-
-def _css(colour: palette.Colour) -> str:
-    return "#" + bytes(colour).hex()

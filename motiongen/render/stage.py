@@ -52,6 +52,7 @@ class Actor:
         seconds: (N,) the clip's own time.
         live: (N,) False once the clip is over and its last pose is held.
         front: (3,) the ground direction it faces, over all.
+        yard: how long a height on the stage is in the clip's unit.
     """
 
     label: str
@@ -60,6 +61,7 @@ class Actor:
     seconds: Array
     live: NDArray[np.bool_]
     front: Array
+    yard: float
 
     @property
     def way(self) -> Array:
@@ -94,7 +96,8 @@ def cast(motions: Sequence[Motion], labels: Sequence[str], frames: Sequence[NDAr
         nodes = (every[shown] - [0.0, kinematics.ground_height(motion), 0.0]) / yards[i]
         figure = build_figure(motion, nodes, heights[i] / yards[i])
         front = fronts.setdefault(motion.skeleton.names, _front(motion, nodes))
-        actors.append(Actor(labels[i], figure, nodes, shown / motion.frame_rate, frames[i] < len(motion), front))
+        times, playing = shown / motion.frame_rate, frames[i] < len(motion)
+        actors.append(Actor(labels[i], figure, nodes, times, playing, front, yards[i]))
     return actors
 
 

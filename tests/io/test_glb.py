@@ -275,6 +275,13 @@ def test_damage_costs_one_line(seed: int) -> None:
         (lambda d: d["nodes"][3].update(scale=[1.0, 2.0, 1.0]), "'Spine' is scaled unevenly"),
         (lambda d: d["nodes"][5].update(children=[2]), "hangs from two nodes"),
         (lambda d: d["accessors"][1].update(count=10**9), "reaches beyond the data"),
+        (
+            lambda d: (
+                d["accessors"].append({"count": 10**9, "componentType": 5126, "type": "VEC4"})
+                or d["animations"][0]["samplers"][0].update(output=len(d["accessors"]) - 1)
+            ),
+            "hold more than 50,000,000 numbers",
+        ),
         (lambda d: d["accessors"][1].update(sparse={}), "sparse"),
         (lambda d: d["buffers"][0].update(uri="theirs.bin"), "lies in another file"),
         (lambda d: d.update(extensionsRequired=["KHR_draco_mesh_compression"]), "needs the extension KHR_draco"),
@@ -287,6 +294,23 @@ def test_what_is_wrong_is_said(tmp_path: Path, change: Any, words: str) -> None:
     container.save(tmp_path / "theirs.glb")
     with pytest.raises(MotionGenError, match=words):
         mg.load(tmp_path / "theirs.glb")
+
+
+def test_few_keys_that_span_a_long_time_are_refused(tmp_path: Path) -> None:
+    """A tenth of a megabyte must not ask for gigabytes of poses."""
+    rng = np.random.default_rng(0)
+    skeleton = random_skeleton(rng, 40)
+    path = saved(random_motion(rng, skeleton, frames=30).replace(frame_rate=1000.0), tmp_path)
+    container = read_container(path)
+    for sampler in container.document["animations"][0]["samplers"]:
+        spec = container.item("accessors", sampler["input"])
+        times = container.array(sampler["input"])
+        times[-1] = 900.0
+        sampler["input"] = container.add(times.astype(np.float32), bounds=True)
+        assert spec["count"] == 30
+    container.save(path)
+    with pytest.raises(MotionGenError, match="joints are too many for its keys"):
+        mg.load(path)
 
 
 def test_what_is_no_glb_file_is_refused(tmp_path: Path) -> None:

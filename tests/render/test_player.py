@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-import shutil
 import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
@@ -19,6 +18,7 @@ from motiongen.errors import MotionGenError
 from motiongen.motion import Motion
 from motiongen.render import render_clips
 from motiongen.render.figure import node_positions
+from tests.browser import chromium
 from tests.strategies import random_motion, random_skeleton
 
 
@@ -87,11 +87,10 @@ def test_only_so_many_seconds_are_held_and_what_has_no_meaning_is_refused(tmp_pa
     assert not (tmp_path / "none.html").exists()
 
 
+@pytest.mark.xdist_group("browser")
 def test_it_runs_in_a_browser(tmp_path: Path) -> None:
     """Another moment is another picture, and the clock says which."""
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
-    if browser is None:
-        pytest.skip("no Chromium on this machine")
+    browser = chromium()
     page = render_clips([clip(0, 90)], tmp_path / "player.html")
     command = [browser, "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
     command += ["--virtual-time-budget=1000", "--window-size=640,480"]

@@ -10,7 +10,7 @@ import pytest
 
 from motiongen.datasets import Dataset
 from motiongen.recognition import Recogniser
-from motiongen.recognition.positions import positions_of
+from motiongen.recognition.positions import window_positions
 from tests.recognition.kinds import KINDS, make_dataset
 from train.recogniser import Draws, RecogniserSettings, classes_of, main, measured, summary
 
@@ -57,7 +57,7 @@ def test_accuracy_is_what_the_kept_recogniser_reaches(dataset: Dataset, data: Pa
     again = measured(kept, dataset, class_of)
     assert again.card.to_dict() == kept.card.to_dict()
     windows = dataset.windows("held_back")
-    positions = positions_of(dataset.batch(windows, standardised=False), dataset.layout)
+    positions = window_positions(dataset, windows)
     right = kept.probabilities(positions).argmax(axis=1) == class_of[windows[:, 0]]
     assert kept.card.accuracy == pytest.approx(right.mean())
     by_class = [right[class_of[windows[:, 0]] == k].mean() for k in np.unique(class_of[windows[:, 0]])]

@@ -33,11 +33,12 @@ from motiongen.generators.modi.checkpoint import load_model
 from motiongen.generators.modi.generator import build_network
 from motiongen.metrics.distribution import Comparison, compare
 from motiongen.recognition import Recogniser
-from motiongen.recognition.positions import positions_of
+from motiongen.recognition.positions import window_positions
 from motiongen.report import markdown_table
 from tools.paper_tables.cells import machine, versions
 from train.draws import numpy_random
 from train.loop import CHECKPOINTS, newest
+from train.watch import network_positions
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -156,22 +157,15 @@ def trained(architecture: Architecture, seed: int, options: argparse.Namespace) 
 def real_positions(dataset: Dataset, split: str, count: int) -> NDArray[np.float32]:
     """(N, T, J, 3) positions of windows, in skeleton heights; the same at every call."""
     windows = dataset.draw(split, count, numpy_random(0, 0, f"real {split}"))
-    return positions_of(dataset.batch(windows, standardised=False), dataset.layout)
+    return window_positions(dataset, windows)
 
 
-@torch.inference_mode()
 def made_positions(checkpoint: Path, count: int) -> NDArray[np.float32]:
-    """(N, T, J, 3) positions of motions of seeds, in skeleton heights, as the network makes them.
-
-    Positions, not motions: one architecture makes nothing else, and no feet are cleaned up.
-    """
+    """(N, T, J, 3) positions of motions of seeds, in skeleton heights."""
     card, weights = load_model(checkpoint)
-    network = build_network(card, weights)
     body = Body(card.layout, card.mean, card.deviation, card.frame_rate)
     z = torch.randn(count, card.network.latent_size, generator=torch.Generator().manual_seed(0))
-    made = torch.cat([body.entities(network(some)) for some in z.split(64)]).numpy()
-    positions: NDArray[np.float32] = made[:, :, card.layout.joints]
-    return positions if card.network.representation == "positions" else positions_of(made, card.layout)
+    return network_positions(build_network(card, weights), body, card.network, z)
 
 
 def record(name: str, title: str, seed: int, found: Comparison) -> dict[str, Any]:

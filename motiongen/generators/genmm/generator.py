@@ -183,11 +183,12 @@ class GenMM(Generator):
         )
         # Holds are columns of features; without them and without parts, fewer coordinates do.
         pyramid = self._pyramid(plan.parts, reduced=plan.parts is None and not guidance.holds)
-        total, done, lock = count * len(pyramid.stages), itertools.count(1), threading.Lock()
+        rounds = count * len(pyramid.stages) * self.options.iterations
+        done, lock = itertools.count(1), threading.Lock()
 
         def advance() -> None:
             with lock:  # in order, from whichever thread
-                progress(next(done) / total)
+                progress(next(done) / rounds)
 
         def one(index: int) -> Motion:
             # By itself, not in a batch: a motion cannot depend on its neighbours' rounding.

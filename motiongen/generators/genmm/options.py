@@ -31,7 +31,7 @@ class GenMMOptions(Options):
     scale_factor: float = option(
         4 / 3,
         "Step between pyramid stages (r): larger is faster and less stable (Table 4: 2 is nearly as good, 8 is not).",
-        above=1.0,
+        minimum=1.02,
     )
     iterations: int = option(
         5, "Rounds of matching and blending a stage (E): fewer is faster and leaves more blur.", minimum=1

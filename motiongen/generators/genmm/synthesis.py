@@ -42,7 +42,7 @@ def synthesise(
         seeds: one for each of the B sequences.
         options: p, alpha, E, noise.
         guidance: what the sequences are held to; holds need a pyramid without a basis.
-        advance: called after each stage.
+        advance: called after each round of each stage.
 
     Returns:
         For each part (B, n) int64: for each place of the result the start of the example patch that stands there, to
@@ -66,8 +66,8 @@ def synthesise(
         for _ in range(options.iterations):
             nearest = match(guess, stage, options, felt, circular, nearest)
             guess = guidance.apply(put_together(nearest, stage, coverage, guess.shape[-1]), frames)
+            advance()
         before = stage
-        advance()
     return nearest
 
 

@@ -11,9 +11,6 @@ The last two are missing in a checkpoint that is only to be sampled from.
 from __future__ import annotations
 
 import json
-import os
-import secrets
-import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -25,12 +22,10 @@ from torch import Tensor
 
 from motiongen.datasets import EntityLayout
 from motiongen.errors import MotionGenError
+from motiongen.files import new_folder
 from motiongen.generators.modi.options import NetworkOptions
 
 FORMAT = 1
-
-TEMPORARY = ".motiongen-"
-"""What the name of a folder begins with until it is complete; one that a killed process left may be removed."""
 
 MODEL, TRAINING = "model", "training"
 
@@ -124,21 +119,16 @@ def save_checkpoint(
     from safetensors import SafetensorError
     from safetensors.torch import save_file
 
-    try:
-        temporary = folder.with_name(f"{TEMPORARY}{secrets.token_hex(8)}")
-        temporary.mkdir(parents=True)
-        try:
-            parts = {MODEL: (card.to_dict(), weights)} | ({} if training is None else {TRAINING: training})
-            for name, (data, tensors) in parts.items():
-                (temporary / f"{name}.json").write_text(json.dumps(data))
-                # Each tensor by itself: shared or strided memory is none of a file's concern.
-                save_file({key: t.detach().cpu().clone().contiguous() for key, t in tensors.items()},
-                          temporary / f"{name}.safetensors")  # fmt: skip
-            os.replace(temporary, folder)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
-    except (OSError, SafetensorError) as error:
-        raise MotionGenError(f"{folder}: the checkpoint cannot be written ({error}); choose another place") from error
+    parts = {MODEL: (card.to_dict(), weights)} | ({} if training is None else {TRAINING: training})
+    with new_folder(folder, parents=True) as temporary:
+        for name, (data, tensors) in parts.items():
+            (temporary / f"{name}.json").write_text(json.dumps(data))
+            # Each tensor by itself: shared or strided memory is none of a file's concern.
+            own = {key: tensor.detach().cpu().clone().contiguous() for key, tensor in tensors.items()}
+            try:
+                save_file(own, temporary / f"{name}.safetensors")
+            except SafetensorError as error:
+                raise OSError(str(error)) from error
 
 
 def load_model(folder: str | Path) -> tuple[Card, Tensors]:

@@ -269,10 +269,14 @@ def scores_along(
 
 def kept_direction(generator: MoDi, name: str) -> Path | None:
     """The file of the direction of that name that came with the generator's checkpoint, if there is one."""
+    return kept_directions(generator).get(name)
+
+
+def kept_directions(generator: MoDi) -> dict[str, Path]:
+    """Name -> file of the directions that came with the generator's checkpoint, in alphabetical order."""
     checkpoint = generator.options.checkpoint
-    folder = BUNDLED_MODEL if checkpoint is None else Path(checkpoint).expanduser()
-    path = folder / FOLDER / f"{name}{SUFFIX}"
-    return path if path.is_file() else None
+    folder = (BUNDLED_MODEL if checkpoint is None else Path(checkpoint).expanduser()) / FOLDER
+    return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
 
 def save_direction(path: str | Path, generator: MoDi, direction: Direction) -> None:

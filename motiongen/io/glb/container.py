@@ -27,6 +27,10 @@ TYPES = {width: name for name, width in WIDTHS.items()}
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 
+MOST_NUMBERS = 50_000_000
+"""That a file may ask for, however small it is: 400 MB."""
+
+
 class DamageError(ValueError):
     """What a file says of itself does not hold."""
 
@@ -38,10 +42,12 @@ class Container:
     Attributes:
         document: the JSON chunk.
         binary: the binary chunk.
+        numbers_read: how many numbers accessors have given so far: a small file can name the same ones again and again.
     """
 
     document: dict[str, Any]
     binary: bytearray
+    numbers_read: int = 0
 
     # -- reading
 
@@ -59,6 +65,7 @@ class Container:
         if "sparse" in spec:
             raise DamageError(f"accessor {accessor} is sparse, which is not read; export without sparse accessors")
         if "bufferView" not in spec:
+            self._count(count * width)
             return np.zeros((count, width))
         view = self.item("bufferViews", spec["bufferView"])
         data = self._buffer(view.get("buffer", 0))
@@ -67,6 +74,7 @@ class Container:
         start = view.get("byteOffset", 0) + spec.get("byteOffset", 0)
         if min(stride - item, start) < 0 or start + stride * (count - 1) + item > len(data):
             raise DamageError(f"accessor {accessor} reaches beyond the data")
+        self._count(count * width)
         rows: NDArray[Any] = np.ndarray(
             (count, width), dtype, buffer=data, offset=start, strides=(stride, np.dtype(dtype).itemsize)
         )
@@ -74,6 +82,11 @@ class Container:
         if spec.get("normalized") and dtype != "<f4":
             values = np.maximum(values / np.iinfo(np.dtype(dtype)).max, -1.0)
         return values
+
+    def _count(self, numbers: int) -> None:
+        self.numbers_read += numbers
+        if self.numbers_read > max(MOST_NUMBERS, 4 * len(self.binary)):
+            raise DamageError(f"its accessors hold more than {MOST_NUMBERS:,} numbers")
 
     def item(self, kind: str, index: Any) -> dict[str, Any]:
         """One of the document's nodes, accessors and so on.

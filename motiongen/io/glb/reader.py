@@ -25,6 +25,8 @@ STILL = 1e-6
 """A node whose translation moves by less than this share of the skeleton's height does not move."""
 
 MOST_FRAMES = 1_000_000
+MOST_POSES = 10_000_000
+"""Frames times joints of a file that has not as many bytes: few keys can span any time."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,8 @@ def _motion(container: Container, path: Path, unit: str | None) -> Motion:
     layout = _layout(container, nodes, order)
     skeleton = _skeleton(container, nodes, order, layout, path)
     rate, frames, start = _grid(tracks, path)
+    if frames * len(order) > max(MOST_POSES, len(container.binary)):
+        raise MotionGenError(f"{path}: {frames} frames of {len(order)} joints are too many for its keys; export fewer")
     seconds = start + np.arange(frames) / rate
     local = np.tile(nodes.rotations[order], (frames, 1, 1))
     translating, moved = [], []

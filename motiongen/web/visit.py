@@ -1,0 +1,118 @@
+"""One visitor's page: everything on it is theirs alone, and goes when they leave."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import viser
+
+from motiongen.contact import contact_labels, foot_joints
+from motiongen.motion import Motion
+from motiongen.web.clip_tab import ClipTab, example_clip
+from motiongen.web.desk import Desk
+from motiongen.web.jobs import JobQueue
+from motiongen.web.latent_tab import LatentTab
+from motiongen.web.limits import Limits
+from motiongen.web.make_tab import MakeTab
+from motiongen.web.stage import Actor, Stage
+from motiongen.web.status import StatusBar
+from motiongen.web.takes_tab import TakesTab, shown
+from motiongen.web.timeline import Labels, Marks, Timeline
+from motiongen.web.view_tab import ViewTab
+
+_PANEL_WIDTH = 410
+_CLEAR = (0.04, 0.06, 0.96, 0.68)
+"""What neither the panels nor the timeline lie over: left, top, right and bottom, as shares of the picture."""
+
+_TICK_SECONDS = 1 / 30
+_TICKS_PER_REFRESH = 4
+"""The slider and the progress bar follow this much more slowly than the figures."""
+
+_SETTLING_TICKS, _OTHER_ASPECT = 150, 0.02
+_MOST_CONTACT_ROWS = 6
+
+
+class Visit:
+    """A page as one visitor has it, from the moment that it is opened."""
+
+    def __init__(self, client: viser.ClientHandle, jobs: JobQueue, limits: Limits) -> None:
+        """Build the page with the bundled clip on it, and begin to play."""
+        self._desk = desk = Desk(client, jobs, limits)
+        self._on_stage: tuple[list[Actor], bool] = [], True
+        self._followed: int | None = None
+        self._contacts: tuple[Motion, dict[str, Labels]] | None = None
+        self._left = threading.Event()
+        with desk.lock:  # whatever the visitor does waits until everything is there
+            self._build(client)
+            desk.add_clip(example_clip())
+        threading.Thread(target=self._play, name="motiongen page", daemon=True).start()
+
+    def _build(self, client: viser.ClientHandle) -> None:
+        """Put everything on the page."""
+        desk, gui = self._desk, client.gui
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(_PANEL_WIDTH)
+        self._status = StatusBar(desk)
+        self._stage, self._timeline = Stage(client, _CLEAR), Timeline(gui, client.camera.image_width - _PANEL_WIDTH)
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Clip", viser.Icon.RUN):
+            clips = ClipTab(desk)
+        with tabs.add_tab("Make", viser.Icon.WAND):
+            self._make = MakeTab(desk, clips, self._stage, self._timeline)
+        with tabs.add_tab("Latent", viser.Icon.ADJUSTMENTS):
+            LatentTab(desk, self._make)
+        with tabs.add_tab("Takes", viser.Icon.MOVIE):
+            self._takes = TakesTab(desk)
+        with tabs.add_tab("View", viser.Icon.EYE):
+            self._view = ViewTab(desk, self._stage)
+        desk.listen(self._show)
+
+    def close(self) -> None:
+        """The visitor has left: stop what is made for them."""
+        self._left.set()
+        self._desk.cancel()
+
+    def _show(self) -> None:
+        """Bring stage and timeline up to date."""
+        everything, clip = shown(self._desk), self._desk.clip
+        actors = [each.actor for each in everything]
+        if (actors, self._view.beside) != self._on_stage:
+            before, beside = self._on_stage
+            self._on_stage = actors, self._view.beside
+            self._stage.show(actors, self._view.beside)
+            if len(actors) > len(before) or actors[:1] != before[:1] or beside != self._view.beside:
+                self._stage.frame_all()
+        followed = self._takes.number if self._view.follow and actors else None
+        if followed != self._followed:
+            self._followed = followed
+            self._stage.follow(followed)
+        if everything:
+            motion = everything[self._takes.number].motion
+            self._timeline.span(len(motion), motion.frame_rate)
+        if clip is not None:
+            asked = self._make
+            self._timeline.mark(Marks(clip.frame_rate, asked.keys.keys, asked.segment.segment, self._standing(clip)))
+
+    def _standing(self, clip: Motion) -> dict[str, Labels]:
+        """Name of each foot joint -> when it stands."""
+        if self._contacts is None or self._contacts[0] is not clip:
+            feet = foot_joints(clip)[:_MOST_CONTACT_ROWS]
+            stands = contact_labels(clip, feet)
+            self._contacts = clip, {clip.skeleton.names[foot]: stands[:, i] for i, foot in enumerate(feet)}
+        return self._contacts[1]
+
+    def _play(self) -> None:
+        """Move the figures on until the visitor leaves."""
+        now, ticks, aspect = time.monotonic(), 0, self._desk.client.camera.aspect
+        while not self._left.wait(max(0.0, now + _TICK_SECONDS - time.monotonic())):
+            before, now = now, time.monotonic()
+            self._stage.move_to(self._timeline.advance(now - before))
+            ticks += 1
+            if ticks % _TICKS_PER_REFRESH == 0:
+                self._timeline.refresh()
+                self._status.refresh()
+                # The picture gets narrower when the panel comes beside it; later on the visitor decides.
+                if ticks < _SETTLING_TICKS and abs(self._desk.client.camera.aspect - aspect) > _OTHER_ASPECT:
+                    aspect = self._desk.client.camera.aspect
+                    self._stage.frame_all()
