@@ -42,6 +42,7 @@ class KeyFields:
             clear = gui.add_button("Clear keys", icon=viser.Icon.TRASH, color="gray")
         toggle.on_click(desk.act(self._toggle))
         clear.on_click(desk.act(lambda: self._set(())))
+        desk.keep("make/keys", lambda: self.keys, self._set)
 
     def show(self, clip: Motion | None, offered: Sequence[type[Constraint]]) -> None:
         """Fit the fields to a clip and to what a generator takes."""
@@ -79,6 +80,8 @@ class SegmentFields:
         self._on.on_update(desk.act(desk.changed))
         self._bounds.on_update(desk.act(desk.changed))
         self._here.on_click(desk.act(self._set_bound))
+        desk.keep_field("make/segment", self._on)
+        desk.keep_field("make/segment bounds", self._bounds)
 
     @property
     def segment(self) -> tuple[int, int] | None:
@@ -126,6 +129,7 @@ class KeptFields:
             gui.add_html(small("What is ticked moves exactly as in the clip; the rest is made anew."))
         self._boxes: list[tuple[viser.GuiCheckboxHandle, tuple[str, ...]]] = []
         self._joints: viser.GuiFolderHandle | None = None
+        desk.keep("make/kept", lambda: [box.value for box, _ in self._boxes], self._tick)
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -155,6 +159,10 @@ class KeptFields:
             with self._joints:
                 self._boxes += [(gui.add_checkbox(name, False), (name,)) for name in names]
 
+    def _tick(self, ticked: Sequence[bool]) -> None:
+        for (box, _), value in zip(self._boxes, ticked):
+            put(box, value)
+
 
 class PathFields:
     """A path over the ground, drawn by clicks."""
@@ -178,6 +186,7 @@ class PathFields:
         undo.on_click(desk.act(lambda: self._set(self.points[:-1])))
         close.on_click(desk.act(lambda: self._set((*self.points, *self.points[:1]))))
         clear.on_click(desk.act(lambda: self._set(())))
+        desk.keep("make/path", lambda: self.points, self._set)
 
     def show(self, clip: Motion | None, offered: Sequence[type[Constraint]]) -> None:
         """Fit the fields to a clip and to what a generator takes."""
@@ -212,7 +221,7 @@ class PathFields:
         @scene.on_click()
         def clicked(event: viser.SceneClickEvent) -> None:
             point = self._stage.ground_point(event.ray_origin, event.ray_direction)
-            if point is not None:
+            if point is not None and self._draw.value:  # the page may not have heard yet that it is to stop
                 self._desk.act(lambda: self._set((*self.points, point)))(event)
 
 
@@ -226,6 +235,7 @@ class LoopFields:
         self._field = desk.client.gui.add_dropdown(
             "Loop", tuple(LOOPS), hint="The end leads into the beginning; it ends where it began, or travels on"
         )
+        desk.keep_field("make/loop", self._field)
 
     @property
     def loop(self) -> str:

@@ -44,6 +44,7 @@ class ClipTab:
         self._choice.on_update(desk.act(lambda: desk.choose(self._choice.options.index(self._choice.value))))
         self._all.on_update(desk.act(desk.changed))
         self._remove.on_click(desk.act(desk.remove_clip))
+        desk.keep_field("clip/all", self._all)
         desk.listen(self._show)
 
     @property

@@ -1,23 +1,44 @@
-"""What the parts of one visitor's page share: clips, takes, work under way, and messages."""
+"""What the parts of one visitor's page share: clips, takes, work under way, messages, and what is left behind."""
 
 from __future__ import annotations
 
 import threading
 import traceback
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import viser
 
 from motiongen.errors import MotionGenError
 from motiongen.motion import Motion
+from motiongen.web.fields import put
 from motiongen.web.jobs import Job, JobQueue, State, Work
 from motiongen.web.limits import Limits
+from motiongen.web.screening import fits
 from motiongen.web.wishes import Take
 
 Colour = Literal["red", "green"]
 _MESSAGE_SECONDS = 12.0
+
+
+@dataclass(frozen=True)
+class Belongings:
+    """What a visitor leaves behind, for the page that takes the place of this one.
+
+    Attributes:
+        clips: those that were loaded.
+        chosen: which of them was worked on.
+        takes: those that were made.
+        values: what else was kept, by name.
+        stopped: titles of the work that was under way.
+    """
+
+    clips: Sequence[Motion]
+    chosen: int
+    takes: Sequence[Take]
+    values: Mapping[str, Any]
+    stopped: Sequence[str]
 
 
 class Desk:
@@ -41,6 +62,8 @@ class Desk:
         self.jobs: list[Job] = []
         self._queue = queue
         self._chosen = 0
+        self._kept: dict[str, tuple[Callable[[], Any], Callable[[Any], None]]] = {}
+        self._awaited: dict[str, Any] = {}
         self._listeners: list[Callable[[], None]] = []
 
     # -- clips and takes
@@ -132,6 +155,56 @@ class Desk:
         self.client.add_notification(
             title=title, body=" ".join(text.split()), color=colour, auto_close_seconds=_MESSAGE_SECONDS
         )
+
+    # -- leaving and coming again
+
+    def keep(self, name: str, read: Callable[[], Any], write: Callable[[Any], None]) -> None:
+        """Have something be there again on the page that takes the place of this one.
+
+        Args:
+            name: the same on both pages. What is kept anew under a name takes the place of what was.
+            read: gives it, when the visitor leaves.
+            write: takes it; called at once if it is waited for already.
+        """
+        self._kept[name] = read, write
+        if name in self._awaited:
+            write(self._awaited.pop(name))
+
+    def keep_field(self, name: str, field: Any, then: Callable[[], None] = lambda: None) -> None:
+        """Likewise for the value of a field, where it still fits; `then` does what moving the field does."""
+
+        def write(value: Any) -> None:
+            if fits(field, list(value) if isinstance(value, tuple) else value):
+                put(field, value)
+                then()
+
+        self.keep(name, lambda: field.value, write)
+
+    def set_aside(self, names: str) -> None:
+        """Put what is kept under names that begin so aside, until something is kept under them anew."""
+        for name in [each for each in self._kept if each.startswith(names)]:
+            read, _ = self._kept.pop(name)
+            self._awaited.setdefault(name, read())
+
+    def leave(self) -> Belongings:
+        """Stop all work, and give what is to be kept."""
+        with self.lock:
+            stopped = [job.title for job in self.jobs]
+            values = {**self._awaited, **{name: read() for name, (read, _) in self._kept.items()}}
+            left = Belongings(tuple(self.clips), self._chosen, tuple(self.takes), values, stopped)
+        self.cancel()
+        return left
+
+    def take_up(self, left: Belongings) -> None:
+        """Go on with what was left behind; parts of the page that come later find theirs when they come."""
+        self.clips, self.takes = list(left.clips), list(left.takes)
+        self.choose(left.chosen)
+        self._awaited = dict(left.values)
+        for name in list(self._kept):
+            if name in self._kept and name in self._awaited:  # what comes before may change what there is
+                _, write = self._kept[name]
+                write(self._awaited.pop(name))
+        self.changed()
 
     # -- work
 

@@ -11,6 +11,7 @@ import hashlib
 import hmac
 import ipaddress
 import re
+import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
@@ -23,6 +24,9 @@ TOKEN_LETTERS = 16
 """A token shorter than this could be guessed."""
 
 RETRY_SECONDS = 3
+
+_TICKET = "[A-Za-z0-9_-]{32}"
+_COOKIE = "Path=/; HttpOnly; SameSite=Lax"
 
 _PORTS = {"http": 80, "https": 443}
 
@@ -79,6 +83,20 @@ class Door:
         key = hmac.new((self.token or "").encode(), f"motiongen:{self.port}".encode(), hashlib.sha256).hexdigest()
         return f"motiongen-{self.port}={key}"
 
+    def ticket(self, headers: Headers) -> str | None:
+        """What a visitor is known by when they come again, if they have been given one."""
+        crumbs = (crumb.partition("=") for crumb in _crumbs(headers))
+        tickets = [value for name, _, value in crumbs if name == self._ticket_name]
+        return tickets[0] if len(tickets) == 1 and re.fullmatch(_TICKET, tickets[0]) else None
+
+    def new_ticket(self) -> str:
+        """A cookie with a ticket that nobody has."""
+        return f"{self._ticket_name}={secrets.token_urlsafe(24)}; {_COOKIE}"
+
+    @property
+    def _ticket_name(self) -> str:
+        return f"motiongen-{self.port}-visit"
+
     def answer(self, target: str, headers: Headers) -> Answer | None:
         """What to answer instead of the page, None if the request may come in.
 
@@ -101,23 +119,18 @@ class Door:
         websocket = "websocket" in map(str.lower, headers.get_all("Upgrade"))
         if self.token is not None:
             knows = _equal(parse_qs(query).get("token", [""])[0], self.token)
-            if not knows and not self._has_cookie(headers.get_all("Cookie")):
+            if not knows and not any(_equal(crumb, self.cookie) for crumb in _crumbs(headers)):
                 return _refusal(
                     "this page needs its token. Open the whole address that `motiongen serve` printed, with ?token=...",
                     "at its end.",
                 )
             if knows and not websocket:
-                cookie = f"{self.cookie}; Path=/; HttpOnly; SameSite=Lax"
-                return Answer(HTTPStatus.SEE_OTHER, "", {"Location": "/", "Set-Cookie": cookie})
+                return Answer(HTTPStatus.SEE_OTHER, "", {"Location": "/", "Set-Cookie": f"{self.cookie}; {_COOKIE}"})
         if mark and not websocket:
             # The page obeys its address: ?websocket= and ?playbackPath= would have another server draw on it, and run
             # its scripts here.
             return Answer(HTTPStatus.SEE_OTHER, "", {"Location": "/"})
         return None
-
-    def _has_cookie(self, headers: list[str]) -> bool:
-        crumbs = [crumb.strip() for header in headers for crumb in header.split(";")]
-        return any(_equal(crumb, self.cookie) for crumb in crumbs)
 
 
 def full(visitors: int) -> Answer:
@@ -188,6 +201,11 @@ def _same_place(origins: list[str], host: str) -> bool:
 
 def _refusal(*lines: str) -> Answer:
     return Answer(HTTPStatus.FORBIDDEN, "motiongen: " + "\n".join(lines) + "\n")
+
+
+def _crumbs(headers: Headers) -> list[str]:
+    """The cookies of a request, as `name=value`."""
+    return [crumb.strip() for header in headers.get_all("Cookie") for crumb in header.split(";")]
 
 
 def _only(values: list[str]) -> str | None:

@@ -23,6 +23,11 @@ class OptionFields:
         self._kind = kind
         self._fields = {option.name: (option, _field(gui, option)) for option in offered(kind)}
 
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Name of an option -> its field."""
+        return {name: field for name, (_, field) in self._fields.items()}
+
     def options(self) -> Options:
         """The options as the fields say.
 

@@ -34,7 +34,6 @@ MESSAGE_BYTES = MEBIBYTE
 MESSAGES_A_SECOND = 100.0
 BURST = 200.0
 """How fast a visitor is listened to, in the long run and at once. A hand on a slider makes 20 messages a second."""
-CALLBACK_THREADS = 4
 CALLBACKS_WAITING = 16
 MESSAGES_WAITING = 256
 """How many callbacks of a visitor, and messages to them, may wait before they are listened to again."""
@@ -75,20 +74,27 @@ class Guard:
         with _STARTING, _silence():
             self.viser.stop()
 
-    def admit(self, client: viser.ClientHandle) -> None:
-        """Begin to listen to a visitor whose page is there. Called in the server's event loop."""
+    def admit(self, client: viser.ClientHandle) -> str | None:
+        """Begin to listen to a visitor whose page is there. Called in the server's event loop.
+
+        Returns:
+            The ticket that the door knows them by when they come again; None for no ticket.
+        """
         # viser keeps connection and handle apart; this is the one place where they are under one number.
         connection = self.viser._websock_server._live_connections.get(client.client_id)
-        if isinstance(connection, VisitorConnection):
-            connection.client = client
-            # Threads of their own: otherwise whoever keeps viser's busy makes all others wait.
-            client.gui._thread_executor = client.scene._thread_executor = connection.threads
-            # A visit may still be drawn when its visitor has left; viser would warn of it on the terminal.
-            client._websock_connection.get_message_buffer()._warned_push_after_done = True
+        if not isinstance(connection, VisitorConnection) or connection.request is None:
+            return None
+        connection.client = client
+        # A thread of their own: otherwise whoever keeps viser's busy makes all others wait, and viser's are several, so
+        # that what comes last may be dealt with first.
+        client.gui._thread_executor = client.scene._thread_executor = connection.callbacks
+        # A visit may still be drawn when its visitor has left; viser would warn of it on the terminal.
+        client._websock_connection.get_message_buffer()._warned_push_after_done = True
+        return self._door.ticket(connection.request.headers)
 
     def release(self, client: viser.ClientHandle) -> None:
-        """Free the threads of a visitor who has left."""
-        if isinstance(client.gui._thread_executor, CallbackThreads):
+        """Free the thread of a visitor who has left."""
+        if isinstance(client.gui._thread_executor, CallbackThread):
             client.gui._thread_executor.shutdown(wait=False)
 
     def _serve(self, handler: Callable[..., Any], host: str, port: int, **settings: Any) -> serve:
@@ -116,6 +122,8 @@ class Guard:
         if answer is None:
             response = inner(connection, request)
             headers = page_headers(request.headers["Host"])
+            if self._door.ticket(request.headers) is None:
+                headers["Set-Cookie"] = self._door.new_ticket()
         else:
             response = connection.respond(answer.status, answer.text)
             headers = {**page_headers(), **answer.headers}
@@ -143,7 +151,7 @@ class VisitorConnection(ServerConnection):
         """Take what `ServerConnection` takes, and the limits."""
         super().__init__(*arguments, **settings)
         self.client: viser.ClientHandle | None = None
-        self.threads = CallbackThreads()
+        self.callbacks = CallbackThread()
         self._uploads = Uploads(limits.upload_bytes)
         self._credit, self._counted = BURST, self.loop.time()
 
@@ -170,7 +178,7 @@ class VisitorConnection(ServerConnection):
         if self.client is None:
             return False
         unsent = self.client._websock_connection.get_message_buffer().message_from_id
-        return self.threads.waiting > CALLBACKS_WAITING or len(unsent) > MESSAGES_WAITING
+        return self.callbacks.waiting > CALLBACKS_WAITING or len(unsent) > MESSAGES_WAITING
 
     def _lets_through(self, raw: Any) -> bool:
         message = parse(raw)
@@ -203,12 +211,12 @@ class VisitorConnection(ServerConnection):
         client.add_notification("File refused", why, color="red")
 
 
-class CallbackThreads(ThreadPoolExecutor):
-    """Threads that know how much they have to do."""
+class CallbackThread(ThreadPoolExecutor):
+    """One thread, which does everything in its turn and knows how much there is to do."""
 
     def __init__(self) -> None:
-        """Start none yet."""
-        super().__init__(max_workers=CALLBACK_THREADS, thread_name_prefix="visitor")
+        """Do not start it yet."""
+        super().__init__(max_workers=1, thread_name_prefix="visitor")
         self._futures: set[Future[Any]] = set()
 
     @property

@@ -28,6 +28,8 @@ _FARTHEST, _STEP = 3.0, 0.1
 
 _FARTHEST_FROM_MEAN = 1.5
 
+_OF_SPACE = "latent/space/"
+
 
 class LatentTab:
     """Fields of the tab, in the container that is open when it is built."""
@@ -65,9 +67,19 @@ class LatentTab:
         self._more = gui.add_folder("More or less of", expand_by_default=True)
         keep = gui.add_button("Keep this motion", icon=viser.Icon.THUMB_UP)
         reset = gui.add_button("Back to the start", icon=viser.Icon.RESTORE, color="gray")
-        moving: tuple[Any, ...] = (self._start, self._seed, self._truncation, self._end_seed, self._share)
-        for field in (*moving, self._detail_seed, self._coarse):
+        moving: dict[str, Any] = {
+            "start": self._start,
+            "seed": self._seed,
+            "truncation": self._truncation,
+            "end seed": self._end_seed,
+            "share": self._share,
+            "detail seed": self._detail_seed,
+        }
+        for name, field in moving.items():
             field.on_update(act(self._move))
+            self._desk.keep_field(f"latent/{name}", field)
+        self._coarse.on_update(act(self._move))  # kept when it is known how many layers there are
+        self._desk.keep("latent/shown", lambda: (self._take, self._inverted), self._go_back_to)
         invert.on_click(act(self._invert))
         keep.on_click(act(self._keep))
         reset.on_click(act(self._reset))
@@ -86,8 +98,10 @@ class LatentTab:
         if not self._fields.visible:
             return  # another one has been chosen meanwhile
         self._layers, directions = known
+        self._desk.set_aside(_OF_SPACE)
         self._coarse.max = self._layers
         put(self._coarse, self._layers)
+        self._desk.keep_field(f"{_OF_SPACE}layers", self._coarse)
         for _, slider in self._directions.values():
             slider.remove()
         summaries = {name: each.summary for name, each in attributes().items()}
@@ -100,9 +114,13 @@ class LatentTab:
                 )
                 for name, direction in directions.items()
             }
-        for _, slider in self._directions.values():
+        for name, (_, slider) in self._directions.items():
             slider.on_update(self._desk.act(self._move))
+            self._desk.keep_field(f"{_OF_SPACE}more of {name}", slider)
         self._move()
+
+    def _go_back_to(self, shown: tuple[Take | None, tuple[Motion, NDArray[Any]] | None]) -> None:
+        self._take, self._inverted = shown
 
     # -- what the visitor does
 

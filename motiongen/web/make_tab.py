@@ -21,6 +21,8 @@ from motiongen.web.stage import Stage
 from motiongen.web.timeline import Timeline
 from motiongen.web.wishes import MOST_TAKES, Take, Wish, make_takes
 
+_OPTIONS = "make/options/"
+
 
 class MakeTab:
     """Fields of the tab, in the container that is open when it is built."""
@@ -40,6 +42,10 @@ class MakeTab:
         self._seed = gui.add_number("Seed", 0, min=0, step=1, hint="The same seed gives the same motions")
         self._compare = gui.add_checkbox("A seed for each", False, hint="To compare seeds: this one, the next, ...")
         make = gui.add_button("Make motions", icon=viser.Icon.WAND)
+        desk.keep("make/generator", lambda: self._name.value, self._go_back_to)  # first: the other fields depend on it
+        asked = {"frames": self._frames, "count": self._count, "seed": self._seed, "compare": self._compare}
+        for name, field in asked.items():
+            desk.keep_field(f"make/{name}", field)
         self.loop = LoopFields(desk)
         self.keys = KeyFields(desk, timeline)
         self.segment = SegmentFields(desk, timeline)
@@ -98,17 +104,29 @@ class MakeTab:
     # -- what the visitor does
 
     def _choose(self) -> None:
+        """Go over to the generator that is chosen, and to the length that is usual for it."""
+        self._show_generator()
+        if self.spec.capabilities.needs_training:
+            self._desk.start(f"loading {self.spec.name}", self._load, self._loaded, "load")
+        elif self._desk.clip is not None:
+            put(self._frames, len(self._desk.clip))
+
+    def _go_back_to(self, name: str) -> None:
+        """Likewise on a page that takes the place of another one; the length comes from there."""
+        put(self._name, name)
+        self._show_generator()
+
+    def _show_generator(self) -> None:
         """Show the fields of the generator that is chosen."""
         spec = self.spec
         self._about.content = small(html.escape(spec.description))
         if self._options is not None:
+            self._desk.set_aside(_OPTIONS)
             self._options.remove()
         with self._folder:
             self._options = OptionFields(self._desk.client.gui, spec.options_type())
-        if spec.capabilities.needs_training:
-            self._desk.start(f"loading {spec.name}", self._load, self._loaded, "load")
-        elif self._desk.clip is not None:
-            put(self._frames, len(self._desk.clip))
+        for name, field in self._options.fields.items():
+            self._desk.keep_field(f"{_OPTIONS}{spec.name}/{name}", field)
         for told in self._chosen:
             told()
         self._show()

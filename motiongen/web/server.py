@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import errno
 import secrets
 import socket
 import threading
 import traceback
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Protocol
 
 import viser
 
 from motiongen.errors import MotionGenError
+from motiongen.web.cloakroom import Cloakroom
+from motiongen.web.desk import Belongings
 from motiongen.web.door import Door, is_loopback
 from motiongen.web.guard import Guard
 from motiongen.web.jobs import JobQueue
@@ -21,15 +25,19 @@ from motiongen.web.limits import Limits
 TITLE = "motiongen"
 BRAND_COLOUR = (0, 114, 178)
 
+KEPT_SECONDS = 15 * 60.0
+"""How long a visitor's belongings are kept after they have left."""
+
 
 class Leaving(Protocol):
     """What is told when a visitor leaves."""
 
-    def close(self) -> None:
-        """Free everything."""
+    def close(self) -> Belongings | None:
+        """Free everything; returns what they are to find when they come again."""
 
 
-MakeVisit = Callable[[viser.ClientHandle, JobQueue, Limits], Leaving]
+MakeVisit = Callable[[viser.ClientHandle, JobQueue, Limits, Belongings | None], Leaving]
+"""Makes the page of a visitor, who has left the last named behind when they were here before."""
 
 
 class Server:
@@ -62,6 +70,7 @@ class Server:
         self._limits = limits or Limits()
         self._make = visit or _visit
         self._seats: dict[int, _Seat] = {}
+        self._cloakroom = Cloakroom(self._limits.visitors)
         self._closed = False
         listener = _listen(host, port)
         number, port = listener.getsockname()[:2]
@@ -95,6 +104,7 @@ class Server:
         self._closed = True
         for seat in list(self._seats.values()):
             seat.leave()
+            seat.clear()
         self._jobs.close()
         self._guard.stop()
 
@@ -103,35 +113,57 @@ class Server:
     async def _came(self, client: viser.ClientHandle) -> None:
         if self._closed or client.client_id not in self._guard.viser.get_clients():
             return
-        self._guard.admit(client)
-        seat = self._seats[client.client_id] = _Seat(client)
-        _start(seat.take, self._make, self._jobs, self._limits)
+        seat = self._seats[client.client_id] = _Seat(client, self._guard.admit(client))
+        _start(self._receive, seat)
 
     async def _left(self, client: viser.ClientHandle) -> None:
         seat = self._seats.pop(client.client_id, None)
-        if seat is not None:
-            _start(self._clear, seat)
+        if seat is None:
+            return
+        seat.leave()
+        if seat.ticket is not None:  # before it is cleared: they may come again in the next moment
+            self._cloakroom.keep(seat.ticket, seat.belongings)
+            asyncio.get_running_loop().call_later(KEPT_SECONDS, self._cloakroom.forget, seat.belongings)
+        _start(self._clear, seat)
+
+    def _receive(self, seat: _Seat) -> None:
+        left = None if seat.ticket is None else self._cloakroom.fetch(seat.ticket)
+        seat.take(lambda: self._make(seat.client, self._jobs, self._limits, left), left)
 
     def _clear(self, seat: _Seat) -> None:
-        seat.leave()
+        seat.clear()
         self._guard.release(seat.client)
 
 
 class _Seat:
-    """One visitor's: a visit that is being made, is there, or is over."""
+    """One visitor's: a visit that is being made, is there, or is over.
 
-    def __init__(self, client: viser.ClientHandle) -> None:
-        self.client = client
+    Attributes:
+        client: the visitor's browser.
+        ticket: by which they are known when they come again; None for never.
+        belongings: what they leave behind, as soon as it is known.
+    """
+
+    def __init__(self, client: viser.ClientHandle, ticket: str | None) -> None:
+        self.client, self.ticket = client, ticket
+        self.belongings: Future[Belongings | None] = Future()
         self._lock = threading.Lock()
         self._visit: Leaving | None = None
         self._left = False
 
-    def take(self, make: MakeVisit, jobs: JobQueue, limits: Limits) -> None:
-        """Make the visit; it is closed at once if the visitor has left meanwhile."""
+    def take(self, make: Callable[[], Leaving], left: Belongings | None) -> None:
+        """Make the visit; it is closed at once if the visitor has left meanwhile.
+
+        Args:
+            make: the visit.
+            left: what it is made of, None for nothing.
+        """
         try:
-            visit = make(self.client, jobs, limits)
+            visit = make()
         except Exception as error:
-            if not self._left:  # else it failed because they did
+            # What failed because they left may be tried again with the same; what failed by itself must not.
+            self.belongings.set_result(left if self._left else None)
+            if not self._left:
                 traceback.print_exception(error)
                 self.client.add_notification("This page failed", _one_line(error), color="red")
             return
@@ -139,32 +171,37 @@ class _Seat:
             if not self._left:
                 self._visit = visit
                 return
-        _close(visit)
+        self.belongings.set_result(_close(visit))
 
     def leave(self) -> None:
-        """Close the visit, now or as soon as it is made."""
+        """Note that the visitor has left."""
         with self._lock:
             self._left = True
+
+    def clear(self) -> None:
+        """Close the visit of somebody who has left, now or as soon as it is made."""
+        with self._lock:
             visit, self._visit = self._visit, None
         if visit is not None:
-            _close(visit)
+            self.belongings.set_result(_close(visit))
 
 
 def _start(do: Callable[..., None], *arguments: object) -> None:
     threading.Thread(target=do, args=arguments, name="motiongen visit", daemon=True).start()
 
 
-def _visit(client: viser.ClientHandle, jobs: JobQueue, limits: Limits) -> Leaving:
+def _visit(client: viser.ClientHandle, jobs: JobQueue, limits: Limits, left: Belongings | None) -> Leaving:
     from motiongen.web.visit import Visit
 
-    return Visit(client, jobs, limits)
+    return Visit(client, jobs, limits, left)
 
 
-def _close(visit: Leaving) -> None:
+def _close(visit: Leaving) -> Belongings | None:
     try:
-        visit.close()
+        return visit.close()
     except Exception as error:  # the others must be closed all the same
         traceback.print_exception(error)
+        return None
 
 
 def _one_line(error: Exception) -> str:

@@ -63,6 +63,8 @@ class TakesTab:
         self._decide.on_click(desk.act(self._decided))
         self._go_on.on_click(desk.act(lambda: desk.add_clip(self._selected().motion)))
         self._download.on_click(desk.act(self._send))
+        desk.keep_field("takes/motion", self._choice)
+        desk.keep_field("takes/file", self._kind)
         desk.listen(self._show)
 
     @property

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import viser
 
 from motiongen.web.desk import Desk
@@ -22,12 +25,17 @@ class ViewTab:
         self._contacts = gui.add_checkbox("Standing feet", stage.contacts)
         self._shadows = gui.add_checkbox("Shadows", True, hint="Without them the page is quicker on a slow machine")
         everything = gui.add_button("See everything", icon=viser.Icon.MAXIMIZE, color="gray")
-        self._places.on_update(desk.act(desk.changed))
-        self._follow.on_update(desk.act(desk.changed))
-        self._paths.on_update(desk.act(lambda: setattr(stage, "paths", self._paths.value)))
-        self._contacts.on_update(desk.act(lambda: setattr(stage, "contacts", self._contacts.value)))
         lights = desk.client.scene.configure_default_lights
-        self._shadows.on_update(desk.act(lambda: lights(cast_shadow=self._shadows.value)))
+        fields: tuple[tuple[str, Any, Callable[[], None]], ...] = (
+            ("places", self._places, desk.changed),
+            ("follow", self._follow, desk.changed),
+            ("paths", self._paths, lambda: setattr(stage, "paths", self._paths.value)),
+            ("contacts", self._contacts, lambda: setattr(stage, "contacts", self._contacts.value)),
+            ("shadows", self._shadows, lambda: lights(cast_shadow=self._shadows.value)),
+        )
+        for name, field, moved in fields:
+            field.on_update(desk.act(moved))
+            desk.keep_field(f"view/{name}", field, moved)
         everything.on_click(desk.act(stage.frame_all))
 
     @property

@@ -10,7 +10,7 @@ import viser
 from motiongen.contact import contact_labels, foot_joints
 from motiongen.motion import Motion
 from motiongen.web.clip_tab import ClipTab, example_clip
-from motiongen.web.desk import Desk
+from motiongen.web.desk import Belongings, Desk
 from motiongen.web.jobs import JobQueue
 from motiongen.web.latent_tab import LatentTab
 from motiongen.web.limits import Limits
@@ -36,8 +36,15 @@ _MOST_CONTACT_ROWS = 6
 class Visit:
     """A page as one visitor has it, from the moment that it is opened."""
 
-    def __init__(self, client: viser.ClientHandle, jobs: JobQueue, limits: Limits) -> None:
-        """Build the page with the bundled clip on it, and begin to play."""
+    def __init__(self, client: viser.ClientHandle, jobs: JobQueue, limits: Limits, left: Belongings | None) -> None:
+        """Build the page and begin to play.
+
+        Args:
+            client: the visitor's browser.
+            jobs: does the work of all visitors.
+            limits: how much is granted.
+            left: what the visitor has left behind; None for the bundled clip.
+        """
         self._desk = desk = Desk(client, jobs, limits)
         self._on_stage: tuple[list[Actor], bool] = [], True
         self._followed: int | None = None
@@ -45,7 +52,11 @@ class Visit:
         self._left = threading.Event()
         with desk.lock:  # whatever the visitor does waits until everything is there
             self._build(client)
-            desk.add_clip(example_clip())
+            if left is None:
+                desk.add_clip(example_clip())
+            else:
+                desk.take_up(left)
+                desk.say("Here again", _again(left), "green")
         threading.Thread(target=self._play, name="motiongen page", daemon=True).start()
 
     def _build(self, client: viser.ClientHandle) -> None:
@@ -68,10 +79,10 @@ class Visit:
             self._view = ViewTab(desk, self._stage)
         desk.listen(self._show)
 
-    def close(self) -> None:
-        """The visitor has left: stop what is made for them."""
+    def close(self) -> Belongings:
+        """The visitor has left: stop what is made for them; returns what they are to find when they come again."""
         self._left.set()
-        self._desk.cancel()
+        return self._desk.leave()
 
     def _show(self) -> None:
         """Bring stage and timeline up to date."""
@@ -116,3 +127,9 @@ class Visit:
                 if ticks < _SETTLING_TICKS and abs(self._desk.client.camera.aspect - aspect) > _OTHER_ASPECT:
                     aspect = self._desk.client.camera.aspect
                     self._stage.frame_all()
+
+
+def _again(left: Belongings) -> str:
+    """What to tell a visitor who has come again."""
+    stopped = f" Stopped meanwhile: {', '.join(left.stopped)}." if left.stopped else ""
+    return f"The page was loaded anew or had lost its connection. Clips, motions and fields are as they were.{stopped}"

@@ -16,8 +16,8 @@ class Page:
 
     all: ClassVar[list[Page]] = []
 
-    def __init__(self, client: viser.ClientHandle, jobs: object, limits: Limits) -> None:
-        self.client, self.closed, self.heard = client, 0, []
+    def __init__(self, client: viser.ClientHandle, jobs: object, limits: Limits, left: Any = None) -> None:
+        self.client, self.closed, self.heard, self.left = client, 0, [], left
         gui = client.gui
         self.widgets: dict[str, Any] = {
             "slider": gui.add_slider("slider", 0.0, 1.0, 0.1, 0.5),
@@ -42,8 +42,9 @@ class Page:
         client.scene.on_click()(lambda event: self.heard.append(("scene", event.ray_direction)))
         Page.all.append(self)
 
-    def close(self) -> None:
+    def close(self) -> Any:
         self.closed += 1
+        return f"{self.left or ''}{self.client.client_id};"
 
     def uuid(self, name: str) -> str:
         return self.widgets[name]._impl.uuid

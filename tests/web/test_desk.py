@@ -284,6 +284,130 @@ def test_too_much_work_is_a_message(queue: JobQueue) -> None:
     assert all(job.wait(PATIENCE_SECONDS) for job in jobs)
 
 
+# -- leaving and coming again
+
+
+class Part:
+    """A part of a page with a number of its own, a choice, and a slider that comes when the choice is made."""
+
+    def __init__(self, desk: Desk, client: Client) -> None:
+        self.desk, self.gui, self.number, self.told = desk, client.gui, 0, 0
+        desk.keep("choice", lambda: self.choice.value, self.choose)
+        desk.keep("number", lambda: self.number, lambda value: setattr(self, "number", value))
+        self.choice = self.gui.add_dropdown("Choice", ("none", "slider"))
+        self.flag = self.gui.add_checkbox("Flag", False)
+        desk.keep_field("flag", self.flag, self.tell)
+
+    def choose(self, value: str) -> None:
+        self.choice.value = value
+        if value == "slider":
+            self.slider = self.gui.add_slider("Slider", 0.0, 1.0, 0.1, 0.0)
+            self.desk.keep_field("slider", self.slider)
+
+    def tell(self) -> None:
+        self.told += 1
+
+
+def test_a_page_goes_on_where_another_was_left(queue: JobQueue) -> None:
+    desk, client = opened(queue)
+    before = Part(desk, client)
+    for name in "ab":
+        desk.add_clip(CLIP.replace(name=name))
+    desk.choose(0)
+    desk.show_takes([take("x"), take("y")])
+    desk.accept(desk.takes[1])
+    before.number, before.flag.value = 7, True
+    before.choose("slider")
+    before.slider.value = 0.3
+    left = desk.leave()
+
+    again, other_client = opened(queue)
+    after = Part(again, other_client)
+    again.take_up(left)
+    assert [each.name for each in again.clips] == ["a", "b"]
+    assert again.clip is desk.clip
+    assert [(each.label, each.accepted) for each in again.takes] == [("x", False), ("y", True)]
+    assert (after.number, after.flag.value, after.told, after.slider.value) == (7, True, 1, 0.3)
+    again.add_clip(CLIP)
+    assert len(desk.clips) == 2, "they are two desks"
+
+
+def test_what_comes_late_finds_its_own_and_what_never_comes_is_kept_on(queue: JobQueue) -> None:
+    desk, client = opened(queue)
+    before = Part(desk, client)
+    before.choose("slider")
+    before.slider.value = 0.3
+    left = desk.leave()
+    left.values["choice"] = "none"  # as where the slider waits for something else
+    second, client = opened(queue)
+    after = Part(second, client)
+    second.take_up(left)
+    third, client = opened(queue)
+    last = Part(third, client)
+    third.take_up(second.leave())
+    last.choose("slider")
+    assert last.slider.value == 0.3
+    last.slider.value = 0.5
+    last.choose("slider")
+    assert last.slider.value == 0.0, "it is given once"
+    after.choose("slider")
+    assert after.slider.value == 0.3
+
+
+def test_what_goes_and_comes_is_as_it_was(queue: JobQueue) -> None:
+    desk, client = opened(queue)
+    part = Part(desk, client)
+    part.choose("slider")
+    for value in (0.3, 0.7):
+        part.slider.value = value
+        desk.set_aside("sli")
+        part.choose("slider")
+        assert part.slider.value == value
+    left = desk.leave()
+
+    again, client = opened(queue)
+    part = Part(again, client)
+    part.choose("slider")  # one of another kind, which goes as soon as the choice is what it was
+    choose = part.choose
+
+    def choose_anew(value: str) -> None:
+        again.set_aside("slider")
+        part.slider.remove()
+        choose(value)
+
+    part.choose = choose_anew
+    again.keep("choice", lambda: part.choice.value, choose_anew)
+    again.take_up(left)
+    assert part.slider.value == 0.7
+    assert not part.slider.removed
+
+
+def test_a_value_that_fits_no_more_is_left_out(queue: JobQueue) -> None:
+    desk, client = opened(queue)
+    Part(desk, client).choose("slider")
+    left = desk.leave()
+    left.values["slider"], left.values["flag"] = 3.0, "yes"
+    again, client = opened(queue)
+    part = Part(again, client)
+    again.take_up(left)
+    assert (part.slider.value, part.flag.value, part.told) == (0.0, False, 0)
+
+
+def test_work_stops_when_its_visitor_leaves(queue: JobQueue) -> None:
+    desk, _ = opened(queue)
+    began = threading.Event()
+
+    def work(progress) -> None:
+        began.set()
+        while True:
+            progress(0.5)
+
+    jobs = [desk.start("making 2 motions", work, print), desk.start("waits", work, print)]
+    assert began.wait(PATIENCE_SECONDS)
+    assert desk.leave().stopped == ["making 2 motions", "waits"]
+    assert all(job.wait(PATIENCE_SECONDS) for job in jobs)
+
+
 # -- two visitors
 
 

@@ -12,6 +12,7 @@ from motiongen.errors import MotionGenError
 from motiongen.web.door import Answer, Door, full, page_headers
 
 TOKEN = "a-long-enough-token"
+TICKET = "Ab3-_" * 6 + "xy"
 
 
 class Headers(dict):
@@ -182,3 +183,35 @@ def test_pages_are_told_to_load_nothing_from_elsewhere() -> None:
     assert headers["X-Frame-Options"] == "DENY"
     assert headers["X-Content-Type-Options"] == "nosniff"
     assert headers["Referrer-Policy"] == "no-referrer"
+
+
+# -- who was here before
+
+
+def test_a_ticket_is_known_again() -> None:
+    cookies = {OPEN.new_ticket() for _ in range(10)}
+    assert len(cookies) == 10
+    for cookie in cookies:
+        crumb, *marks = cookie.split("; ")
+        assert {"HttpOnly", "SameSite=Lax", "Path=/"} == set(marks)
+        known = OPEN.ticket(Headers({"Cookie": [f"a=b; {crumb}", "c=d"]}))
+        assert f"motiongen-8080-visit={known}" == crumb
+        assert Door(8081, True, None).ticket(Headers({"Cookie": [crumb]})) is None, "cookies know no ports"
+
+
+@pytest.mark.parametrize(
+    "cookie",
+    [
+        [],
+        [""],
+        ["motiongen-8080-visit"],
+        ["motiongen-8080-visit="],
+        [f"motiongen-8080-visit={TICKET}x"],
+        [f"motiongen-8080-visit={TICKET[:-1]}"],
+        [f"motiongen-8080-visit={TICKET[:-1]}%"],
+        [f"motiongen-8080-visit={TICKET}; motiongen-8080-visit={TICKET[::-1]}"],
+    ],
+)
+def test_what_is_no_ticket_is_none(cookie: list[str]) -> None:
+    assert OPEN.ticket(Headers({"Cookie": [f"motiongen-8080-visit={TICKET}"]})) == TICKET
+    assert OPEN.ticket(Headers({"Cookie": cookie})) is None

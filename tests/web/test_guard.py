@@ -190,22 +190,22 @@ def test_widgets_are_given_what_the_page_could_send_and_nothing_else(
     assert capfd.readouterr() == ("", "")
 
 
-def test_whoever_keeps_their_threads_busy_waits_alone(server: Server) -> None:
+def test_whoever_keeps_their_thread_busy_waits_alone(server: Server) -> None:
     clicks = 3 * guard.CALLBACKS_WAITING
     go_on, done = threading.Event(), []
     with visitor(server) as busy:
         visit = page()
         visit.widgets["button"].on_click(lambda _: done.append(go_on.wait(10)))
-        threads = visit.client.gui._thread_executor
+        callbacks = visit.client.gui._thread_executor
         try:
             for _ in range(clicks):
                 update(busy, visit, "button", True)
-            wait_until(lambda: threads.waiting > guard.CALLBACKS_WAITING)
+            wait_until(lambda: callbacks.waiting > guard.CALLBACKS_WAITING)
             with visitor(server) as other:
                 wait_until(lambda: len(Page.all) == 2)
                 update(other, page(), "check", True)
                 wait_until(lambda: page().heard)
-            assert threads.waiting <= guard.CALLBACKS_WAITING + 2  # one message calls two callbacks
+            assert callbacks.waiting <= guard.CALLBACKS_WAITING + 2  # one message calls two callbacks
         finally:
             go_on.set()
         wait_until(lambda: len(done) == clicks)

@@ -229,6 +229,7 @@ def test_a_path_is_drawn_by_clicks_and_gone_along(page: Visitor) -> None:
     assert bend > 3 * _bend(CLIP), "it turns as the line does"
     page.open("Make")
     page.press("Clear path")
+    page.sees("Click on the ground, point after point; the character travels along the line.")
     page.tick("Draw by clicking on the ground")
     page.page.mouse.click(330, 440)
     page.make(seed=15)
@@ -331,11 +332,26 @@ def test_two_visitors_see_nothing_of_each_other(
 # -- a latent space
 
 
-def test_sliders_move_a_motion_through_the_latent_space(page: Visitor) -> None:
+@pytest.fixture
+def with_modi(page: Visitor) -> Iterator[Visitor]:
     page.open("Make")
     page.choose("Generator", "modi")
     page.open("Takes")
     page.wait_for(lambda: "seed 0" in page.options("Motion"), "the first motion does not come")
+    page.ready()
+    yield page
+    page.open("Latent")
+    page.press("Back to the start")
+    page.open("Make")
+    page.choose("Generator", "genmm")
+    page.open("Takes")
+    page.press("Reject the rest")
+    page.open("Clip")
+    page.choose("Clip", "walk")
+
+
+def test_sliders_move_a_motion_through_the_latent_space(with_modi: Visitor) -> None:
+    page = with_modi
     before = page.at_frame(10)
     page.open("Latent")
     page.type("Hand height", 3)
@@ -345,16 +361,54 @@ def test_sliders_move_a_motion_through_the_latent_space(page: Visitor) -> None:
     page.open("Latent")
     page.press("Keep this motion")
     page.open("Takes")
-    page.wait_for(lambda: "seed 0, hand_height +3.0 ✓" in page.options("Motion"), "it is not kept")
+    page.wait_for(lambda: page.chosen("Motion") == "seed 0, hand_height +3.0 ✓", "it is not kept")
+    page.press("Reject")
+    page.wait_for(lambda: not any("✓" in each for each in page.options("Motion")), "it is not thrown away")
 
 
-def test_a_clip_is_found_in_the_latent_space(page: Visitor) -> None:
+def test_a_clip_is_found_in_the_latent_space(with_modi: Visitor) -> None:
+    page = with_modi
     page.make(seed=40)
     page.press("Work on this")
     page.open("Clip")
     page.wait_for(lambda: page.chosen("Clip") == "seed_40", "it has not become a clip")
-    page.turn_to("Latent", "Invert the clip")
+    page.open("Latent")
     page.press("Invert the clip")
     page.wait_for(lambda: page.chosen("Start from") == "the clip", "the clip is not found")
     page.open("Takes")
     page.wait_for(lambda: any(each.startswith("clip") for each in page.options("Motion")), "its motion does not come")
+    page.open("Latent")
+    page.choose("Start from", "a seed")
+    page.open("Clip")
+    page.press("Remove this clip")
+    page.wait_for(lambda: page.chosen("Clip") == "walk", "it is not removed")
+
+
+# -- coming again
+
+
+@pytest.mark.parametrize("lost", [False, True], ids=["loaded", "lost"])
+def test_a_page_that_is_loaded_anew_or_was_cut_off_goes_on(with_modi: Visitor, server: Server, lost: bool) -> None:
+    page = with_modi
+    page.open("Make")
+    page.type("Frames", 44)
+    page.type("Seed", 50)
+    page.open("Latent")
+    page.type("Hip height", 1.5)
+    page.open("Takes")
+    page.wait_for(lambda: any("hip_height +1.5" in each for each in page.options("Motion")), "the slider has no effect")
+    before = page.options("Motion"), page.chosen("Motion")
+    if lost:
+        server._guard.viser._websock_server.disconnect_all_clients()
+    else:
+        page.load_again()
+    page.sees("Here again")
+    page.ready()
+    page.open("Takes")
+    page.wait_for(lambda: (page.options("Motion"), page.chosen("Motion")) == before, "motions are missing")
+    page.open("Make")
+    assert page.chosen("Generator") == "modi"
+    assert [page.field(label).input_value() for label in ("Frames", "Seed")] == ["44", "50"]
+    page.open("Latent")
+    page.wait_for(lambda: page.field("Hip height").input_value() in ("1.5", "1.50"), "the slider is back at zero")
+    page.make(seed=51)

@@ -17,6 +17,7 @@ pytest.importorskip("viser", reason="the page needs the extra 'web'")
 import viser
 from websockets.exceptions import InvalidStatus
 
+import motiongen.web.server
 from motiongen.errors import MotionGenError
 from motiongen.web.limits import Limits
 from motiongen.web.server import Server
@@ -192,6 +193,82 @@ def test_who_leaves_while_their_visit_is_made_is_not_forgotten(recwarn: pytest.W
         wait_until(lambda: made and made[0].closed)
     assert made[0].closed == 1
     assert not recwarn.list
+
+
+def ticket(server: Server) -> dict[str, Any]:
+    """Settings of the connection of a page that was given a ticket."""
+    _, headers, _ = get(server)
+    return {"additional_headers": {"Cookie": headers["Set-Cookie"].partition(";")[0]}}
+
+
+def left_for(server: Server, **settings: Any) -> Any:
+    """What a visitor who comes is given, who leaves again."""
+    before = len(Page.all)
+    with visitor(server, **settings):
+        wait_until(lambda: len(Page.all) > before)
+        return Page.all[-1].left
+
+
+def test_who_comes_again_finds_what_they_left_and_nobody_else_does() -> None:
+    with Server(port=0, visit=Page) as server:
+        mine, yours = ticket(server), ticket(server)
+        assert [left_for(server, **mine) for _ in range(3)] == [None, "0;", "0;1;"]
+        assert left_for(server, **yours) is None
+        assert left_for(server) is None, "without a ticket"
+        assert left_for(server) is None
+        assert left_for(server, **mine) == "0;1;2;"
+
+
+def test_who_has_a_ticket_keeps_it(server: Server) -> None:
+    settings = ticket(server)
+    assert "Set-Cookie" not in get(server, **settings["additional_headers"])[1]
+    assert "Set-Cookie" in get(server, Cookie="motiongen-1-visit=x")[1]
+
+
+def test_a_second_page_of_the_same_browser_is_one_of_its_own(server: Server) -> None:
+    settings = ticket(server)
+    with visitor(server, **settings):
+        wait_until(lambda: Page.all)
+        assert left_for(server, **settings) is None
+
+
+def test_what_was_left_is_forgotten_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motiongen.web.server, "KEPT_SECONDS", 0.0)
+    with Server(port=0, visit=Page) as server:
+        settings = ticket(server)
+        for _ in range(2):
+            assert left_for(server, **settings) is None
+            wait_until(lambda: not (server._seats or server._cloakroom._kept))
+
+
+def test_what_makes_a_page_fail_is_given_once(capfd: pytest.CaptureFixture[str]) -> None:
+    def make(client: viser.ClientHandle, jobs: object, limits: Limits, left: Any) -> Page:
+        made = Page(client, jobs, limits, left)
+        if left:
+            raise ValueError(left)
+        return made
+
+    with Server(port=0, visit=make) as server:
+        settings = ticket(server)
+        assert [left_for(server, **settings) for _ in range(3)] == [None, "0;", None]
+
+
+def test_who_leaves_before_their_page_is_there_again_loses_nothing() -> None:
+    go_on = threading.Event()
+
+    def make(client: viser.ClientHandle, jobs: object, limits: Limits, left: Any) -> Page:
+        made = Page(client, jobs, limits, left)
+        if client.client_id == 1:
+            assert go_on.wait(10)
+            raise ValueError("nobody is there any more")
+        return made
+
+    with Server(port=0, visit=make) as server:
+        settings = ticket(server)
+        assert [left_for(server, **settings) for _ in range(2)] == [None, "0;"]
+        wait_until(lambda: not server._seats)
+        go_on.set()
+        assert left_for(server, **settings) == "0;"
 
 
 def test_closing_the_server_closes_every_visit_and_its_work() -> None:

@@ -40,8 +40,16 @@ class Visitor:
         self.broken: list[str] = []
         self.page.on("pageerror", lambda error: self.broken.append(str(error)))
         self.page.goto(address)
-        self.page.add_style_tag(content=_NOTHING_MOVES)
+        self._arrive()
         self.sees("688 frames")  # of the bundled clip, which comes last
+
+    def _arrive(self) -> None:
+        self.page.add_style_tag(content=_NOTHING_MOVES)
+
+    def load_again(self) -> None:
+        """As by the browser's button."""
+        self.page.reload()
+        self._arrive()
 
     def leave(self) -> None:
         """Close the page."""
@@ -93,17 +101,6 @@ class Visitor:
             return handle.get_attribute("aria-selected") == "true"
 
         self.wait_for(opened, f"the tab {tab} does not open")
-
-    def turn_to(self, tab: str, button: str) -> None:
-        """Open a tab, again where it was left empty, until a button on it is seen."""
-
-        def seen() -> bool:
-            self.open("View")
-            self.open(tab)
-            self.page.wait_for_timeout(500)
-            return bool(self.page.get_by_role("button", name=button, exact=True).locator("visible=true").count())
-
-        self.wait_for(seen, f"{button} is not on the tab {tab}")
 
     def unfold(self, folder: str, inside: str) -> None:
         """Open a folder of the tab that is open, unless what is inside is seen already."""
