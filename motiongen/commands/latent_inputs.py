@@ -34,12 +34,20 @@ def latent_generator(settings: dict[str, Any]) -> Any:
     """The generator that the setting `generator` describes.
 
     Raises:
-        MotionGenError: if it has no latent space.
+        MotionGenError: if it has no latent space, or one of another kind than MoDi's.
     """
     spec, options = chosen_generator(settings)
     if not spec.capabilities.has_latent_space:
         raise MotionGenError(f"generator={spec.name} has no latent space; generator=modi does")
-    return spec.create(spec.options_type().build(options))
+    generator = spec.create(spec.options_type().build(options))
+    from motiongen.generators.modi.generator import MoDi
+
+    if not isinstance(generator, MoDi):
+        raise MotionGenError(
+            f"generator={spec.name} has latent codes of its own kind, and this command moves the layers of MoDi's; "
+            "take its latents, decode and invert from Python, or generator=modi"
+        )
+    return generator
 
 
 def points(generator: Any, given: Any, name: str) -> list[Point]:

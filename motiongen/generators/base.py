@@ -180,8 +180,8 @@ class LatentGenerator(Generator):
         """The motions of codes (N, ...), of `frames` frames each; of `usual_frames` where nobody says."""
 
     @abc.abstractmethod
-    def invert(self, motion: Motion, seed: int = 0) -> np.ndarray:
-        """The code whose motion comes closest to `motion`."""
+    def invert(self, motion: Motion, seed: int = 0, progress: Progress | None = None) -> np.ndarray:
+        """The code whose motion comes closest to `motion`; `progress` is called with the share done."""
 
 
 def seed_number(seed: int | torch.Generator) -> int:

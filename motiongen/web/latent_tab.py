@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import viser
 from numpy.typing import NDArray
@@ -11,17 +11,14 @@ from numpy.typing import NDArray
 from motiongen.attributes import attributes
 from motiongen.errors import MotionGenError
 from motiongen.generators.base import Progress
+from motiongen.generators.options import Options
 from motiongen.motion import Motion
 from motiongen.web.clip_tab import small
 from motiongen.web.desk import Desk
 from motiongen.web.fields import put, spoken
 from motiongen.web.make_tab import MakeTab
-from motiongen.web.places import STARTS, Place, code_of
+from motiongen.web.places import STARTS, Place, Space, code_of, space_of
 from motiongen.web.wishes import Take
-
-if TYPE_CHECKING:
-    from motiongen.generators.modi.directions import Direction
-    from motiongen.generators.modi.generator import MoDi
 
 _FARTHEST, _STEP = 3.0, 0.1
 """How far a slider goes along a direction, in deviations: nearly as far as motions of training are."""
@@ -31,6 +28,15 @@ _FARTHEST_FROM_MEAN = 1.5
 _OF_SPACE = "latent/space/"
 
 
+@dataclass(frozen=True, eq=False)
+class _Inverted:
+    """The code of a clip, and the name and options of the generator whose code it is."""
+
+    clip: Motion
+    by: tuple[str, Options]
+    code: NDArray[Any]
+
+
 class LatentTab:
     """Fields of the tab, in the container that is open when it is built."""
 
@@ -38,9 +44,9 @@ class LatentTab:
         """Build the fields; those of the directions come with a generator."""
         self._desk, self._make = desk, make
         self._take: Take | None = None
-        self._inverted: tuple[Motion, NDArray[Any]] | None = None
-        self._directions: dict[str, tuple[Direction, viser.GuiSliderHandle]] = {}
-        self._layers = 0
+        self._inverted: _Inverted | None = None
+        self._space: Space | None = None
+        self._strengths: dict[str, viser.GuiSliderHandle] = {}
         gui = desk.client.gui
         self._about = gui.add_html(small("Choose a generator with a latent space under Make, such as modi."))
         self._fields = gui.add_folder(None, visible=False)
@@ -61,7 +67,8 @@ class LatentTab:
         with gui.add_folder("Towards another seed", expand_by_default=False):
             self._end_seed = gui.add_number("Seed", 1, min=0, step=1)
             self._share = gui.add_slider("How far", 0.0, 1.0, 0.02, 0.0)
-        with gui.add_folder("Detail of another seed", expand_by_default=False):
+        self._detail = gui.add_folder("Detail of another seed", expand_by_default=False)
+        with self._detail:
             self._detail_seed = gui.add_number("Seed", 2, min=0, step=1)
             self._coarse = gui.add_slider("Layers kept", 0, 1, 1, 1, hint="The finer layers take the other's code")
         self._more = gui.add_folder("More or less of", expand_by_default=True)
@@ -90,39 +97,42 @@ class LatentTab:
         spaced = self._make.spec.capabilities.has_latent_space
         self._about.visible, self._fields.visible = not spaced, spaced
         if spaced:
-            find = self._make.generator()
-            self._desk.start(f"loading {self._make.spec.name}", lambda progress: _known(find()), self._ready, "latent")
+            find: Any = self._make.generator()
+            title = f"loading {self._make.spec.name}"
+            self._desk.start(title, lambda progress: space_of(find()), self._ready, "latent")
 
-    def _ready(self, known: tuple[int, Mapping[str, Direction]]) -> None:
+    def _ready(self, space: Space) -> None:
         """Show sliders for the layers and directions of the generator."""
         if not self._fields.visible:
             return  # another one has been chosen meanwhile
-        self._layers, directions = known
+        self._space = space
         self._desk.set_aside(_OF_SPACE)
-        self._coarse.max = self._layers
-        put(self._coarse, self._layers)
+        self._detail.visible, self._more.visible = space.layers > 1, bool(space.directions)
+        self._coarse.max = max(space.layers, 1)
+        put(self._coarse, self._coarse.max)
         self._desk.keep_field(f"{_OF_SPACE}layers", self._coarse)
-        for _, slider in self._directions.values():
+        for slider in self._strengths.values():
             slider.remove()
         summaries = {name: each.summary for name, each in attributes().items()}
         gui = self._desk.client.gui
         with self._more:
-            self._directions = {
-                name: (
-                    direction,
-                    gui.add_slider(spoken(name), -_FARTHEST, _FARTHEST, _STEP, 0.0, hint=summaries.get(name)),
-                )
-                for name, direction in directions.items()
+            self._strengths = {
+                name: gui.add_slider(spoken(name), -_FARTHEST, _FARTHEST, _STEP, 0.0, hint=summaries.get(name))
+                for name in space.directions
             }
-        for name, (_, slider) in self._directions.items():
+        for name, slider in self._strengths.items():
             slider.on_update(self._desk.act(self._move))
             self._desk.keep_field(f"{_OF_SPACE}more of {name}", slider)
         self._move()
 
-    def _go_back_to(self, shown: tuple[Take | None, tuple[Motion, NDArray[Any]] | None]) -> None:
+    def _go_back_to(self, shown: tuple[Take | None, _Inverted | None]) -> None:
         self._take, self._inverted = shown
 
     # -- what the visitor does
+
+    @property
+    def _by(self) -> tuple[str, Options]:
+        return self._make.spec.name, self._make.options()
 
     def _place(self) -> Place:
         return Place(
@@ -133,21 +143,21 @@ class LatentTab:
             detail_seed=int(self._detail_seed.value),
             coarse_layers=int(self._coarse.value),
             truncation=float(self._truncation.value),
-            strengths={name: float(slider.value) for name, (_, slider) in self._directions.items()},
+            strengths={name: float(slider.value) for name, slider in self._strengths.items()},
         )
 
     def _move(self) -> None:
         """Make the motion of where the sliders stand, and show it in place of the last one."""
-        if not (self._layers and self._fields.visible):
+        space = self._space
+        if space is None or not self._fields.visible:
             return
         place, find, frames = self._place(), self._make.generator(), self._make.frames
-        clip, inverted = self._desk.clip, self._inverted
-        code = inverted[1] if inverted is not None and inverted[0] is clip else None
-        directions = {name: direction for name, (direction, _) in self._directions.items()}
+        found = self._inverted
+        code = found.code if found is not None and found.clip is self._desk.clip and found.by == self._by else None
 
         def work(progress: Progress) -> Take:
             generator: Any = find()
-            (motion,) = generator.decode(code_of(generator, place, code, directions)[None], frames)
+            (motion,) = generator.decode(code_of(generator, place, code, space)[None], frames)
             return Take(motion.replace(name="latent"), place.label)
 
         self._desk.start("moving through the latent space", work, self._show, "latent")
@@ -157,16 +167,16 @@ class LatentTab:
         self._desk.swap(before, take)
 
     def _invert(self) -> None:
-        clip, find = self._desk.clip, self._make.generator()
+        clip, by, find = self._desk.clip, self._by, self._make.generator()
         if clip is None:
             raise MotionGenError("there is no clip to invert; load one first")
 
         def work(progress: Progress) -> NDArray[Any]:
             generator: Any = find()
-            return inverted(generator, clip, progress)
+            return generator.invert(clip, progress=progress)
 
         def then(code: NDArray[Any]) -> None:
-            self._inverted = clip, code
+            self._inverted = _Inverted(clip, by, code)
             put(self._start, STARTS[1])
             self._move()
 
@@ -179,23 +189,8 @@ class LatentTab:
         self._take = None
 
     def _reset(self) -> None:
-        for field, value in ((self._truncation, 1.0), (self._share, 0.0), (self._coarse, self._layers)):
+        for field, value in ((self._truncation, 1.0), (self._share, 0.0), (self._coarse, self._coarse.max)):
             put(field, value)
-        for _, slider in self._directions.values():
+        for slider in self._strengths.values():
             put(slider, 0.0)
         self._move()
-
-
-def _known(generator: Any) -> tuple[int, dict[str, Direction]]:
-    """How many layers a generator's codes have, and the directions that came with it."""
-    from motiongen.generators.modi.directions import kept_directions, load_direction
-
-    kept = kept_directions(generator)
-    return generator.latent_layers, {name: load_direction(path, generator) for name, path in kept.items()}
-
-
-def inverted(generator: MoDi, clip: Motion, progress: Progress) -> NDArray[Any]:
-    """(L, S) the code whose motion is most like the first window of a clip."""
-    from motiongen.generators.modi.inversion import InversionOptions, invert
-
-    return invert(generator, clip, InversionOptions(windows=1), progress).codes[0]

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motiongen.errors import MotionGenError
+from motiongen.generators.base import LatentGenerator
 
 if TYPE_CHECKING:
     from motiongen.generators.modi.directions import Direction
-    from motiongen.generators.modi.generator import MoDi
 
 STARTS = ("a seed", "the clip", "the mean motion")
 
@@ -52,16 +52,43 @@ class Place:
         return ", ".join([words, *moved])
 
 
+@dataclass(frozen=True)
+class Space:
+    """What a generator's latent space has besides codes.
+
+    Attributes:
+        layers: how many layers of a code can be taken from another one; 0 where codes have none.
+        directions: those that can be gone along, by name.
+    """
+
+    layers: int = 0
+    directions: Mapping[str, Direction] = field(default_factory=dict)
+
+
+def space_of(generator: LatentGenerator) -> Space:
+    """MoDi's layers, and the directions that came with its weights; of other generators only the codes are known."""
+    from motiongen.generators.modi.directions import kept_directions, load_direction
+    from motiongen.generators.modi.generator import MoDi
+
+    if not isinstance(generator, MoDi):
+        return Space()
+    kept = kept_directions(generator)
+    return Space(generator.latent_layers, {name: load_direction(path, generator) for name, path in kept.items()})
+
+
 def code_of(
-    generator: MoDi, place: Place, inverted: NDArray[Any] | None, directions: Mapping[str, Direction]
+    generator: LatentGenerator, place: Place, inverted: NDArray[Any] | None, space: Space
 ) -> NDArray[np.float32]:
-    """(L, S) the code of a place in W+: the way first, then the mix, the truncation and the directions.
+    """The code of a place: the way first, then the mix, the truncation and the directions.
 
     Args:
         generator: whose latent space it is.
         place: where.
-        inverted: (L, S) the code of the clip, or None where it is not known.
-        directions: those that can be gone along, by name.
+        inverted: the code of the clip, or None where it is not known.
+        space: what can be mixed and gone along.
+
+    Returns:
+        (L, S) in W+ for MoDi, else one of the generator's own codes.
 
     Raises:
         MotionGenError: if the clip's code is needed and not known.
@@ -69,7 +96,7 @@ def code_of(
     from motiongen.generators.modi.directions import move
     from motiongen.generators.modi.latent import mix
 
-    mean = generator.check_latents(generator.mean_latent()[None])[0]
+    mean = _full(generator, generator.mean_latent())
     if place.start == STARTS[1] and inverted is None:
         raise MotionGenError("the clip's place in the latent space is not known; press 'Invert the clip' first")
     code = {STARTS[1]: inverted, STARTS[2]: mean}.get(place.start)
@@ -77,15 +104,22 @@ def code_of(
         code = _random(generator, place.seed)
     if place.share > 0:
         code = (1 - place.share) * code + place.share * _random(generator, place.end_seed)
-    if place.coarse_layers is not None and place.coarse_layers < len(code):
+    if place.coarse_layers is not None and place.coarse_layers < space.layers:
         code = mix(code, _random(generator, place.detail_seed), place.coarse_layers)
     code = mean + place.truncation * (code - mean)
     for name, strength in place.strengths.items():
         if strength:
-            code = move(code[None], directions[name], [strength])[0, 0]
+            code = move(code[None], space.directions[name], [strength])[0, 0]
     return np.asarray(code, dtype=np.float32)
 
 
-def _random(generator: MoDi, seed: int) -> NDArray[np.float32]:
-    """(L, S) the code of the motion that `sample` makes with this seed."""
-    return generator.check_latents(generator.latents(1, seed))[0]
+def _random(generator: LatentGenerator, seed: int) -> NDArray[np.float32]:
+    """The code of the motion that `sample` makes with this seed."""
+    return _full(generator, generator.latents(1, seed)[0])
+
+
+def _full(generator: LatentGenerator, code: NDArray[Any]) -> NDArray[np.float32]:
+    """A code as all of its motion is made of: MoDi's in W+, (L, S)."""
+    from motiongen.generators.modi.generator import MoDi
+
+    return generator.check_latents(code[None])[0] if isinstance(generator, MoDi) else code

@@ -6,6 +6,7 @@ import importlib.util
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ import pytest
 from PIL import Image
 
 import motiongen as mg
+from motiongen.commands import latent_inputs
 from motiongen.commands.latent import run
 from motiongen.commands.latent_inputs import latent_generator, points
 from motiongen.errors import MotionGenError
+from motiongen.generators.base import Capabilities
 from motiongen.generators.modi import latent
 from motiongen.generators.modi.generator import MoDi
 from motiongen.generators.modi.latents import load_latents, save_latents
@@ -241,3 +244,15 @@ def test_generators_of_the_command_have_a_latent_space(checkpoint: Path) -> None
         latent_generator({"name": "genmm"})
     with pytest.raises(MotionGenError, match="truncated"):
         latent_generator({"name": "modi", "truncated": 1})
+
+
+def test_codes_of_another_kind_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    other = SimpleNamespace(
+        name="jumping",
+        capabilities=Capabilities(has_latent_space=True),
+        options_type=lambda: SimpleNamespace(build=dict),
+        create=lambda options: object(),
+    )
+    monkeypatch.setattr(latent_inputs, "chosen_generator", lambda settings: (other, {}))
+    with pytest.raises(MotionGenError, match=r"generator=jumping has latent codes of its own kind.*generator=modi"):
+        latent_generator({"name": "jumping"})

@@ -12,7 +12,7 @@ class Handle:
     """A field, a button or a container, with whatever it was made of as its attributes."""
 
     def __init__(self, kind: str, label: str | None, value: Any, settings: dict[str, Any]) -> None:
-        self.kind, self.label, self.value, self.removed = kind, label, value, False
+        self.kind, self.label, self.value, self.removed, self.visible = kind, label, value, False, True
         self._heard: list[Callable[[Any], None]] = []
         self.__dict__.update(settings)
 
@@ -33,6 +33,11 @@ class Handle:
 
     def add_tab(self, label: str, icon: Any = None) -> Any:
         return _within(self)
+
+    def __enter__(self) -> Handle:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
 
     def float(self, **place: int) -> None: ...
 

@@ -9,7 +9,7 @@ import motiongen as mg
 from motiongen.errors import MotionGenError
 from motiongen.generators.modi.directions import Direction, kept_directions, load_direction
 from motiongen.generators.modi.generator import MoDi
-from motiongen.web.places import STARTS, Place, code_of
+from motiongen.web.places import STARTS, Place, Space, code_of, space_of
 
 A_SEED, THE_CLIP, THE_MEAN = STARTS
 
@@ -33,7 +33,14 @@ def own(model: MoDi, seed: int) -> np.ndarray:
 
 
 def code(model: MoDi, inverted: np.ndarray | None = None, directions: dict | None = None, **place) -> np.ndarray:
-    return code_of(model, Place(**place), inverted, directions or {})
+    return code_of(model, Place(**place), inverted, Space(model.latent_layers, directions or {}))
+
+
+def test_the_space_of_the_model_is_its_layers_and_the_directions_it_came_with(model: MoDi) -> None:
+    space = space_of(model)
+    assert space.layers == model.latent_layers
+    assert set(space.directions) == set(kept_directions(model))
+    assert all(direction.name == name for name, direction in space.directions.items())
 
 
 @pytest.mark.parametrize("seed", [0, 12345])

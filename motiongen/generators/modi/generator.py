@@ -142,7 +142,7 @@ class MoDi(LatentGenerator):
             raise MotionGenError("a latent holds numbers that are not finite; take codes of this checkpoint")
         return np.repeat(codes[:, None], layers, axis=1) if codes.ndim == 2 else codes
 
-    def invert(self, motion: Motion, seed: int = 0) -> NDArray[np.float32]:
+    def invert(self, motion: Motion, seed: int = 0, progress: Progress | None = None) -> NDArray[np.float32]:
         """(L, S) the code in W+ whose motion comes closest to `motion`; see `inversion` for more to choose and know.
 
         Raises:
@@ -150,7 +150,8 @@ class MoDi(LatentGenerator):
         """
         from motiongen.generators.modi.inversion import InversionOptions, invert
 
-        codes: NDArray[np.float32] = invert(self, motion, InversionOptions(seed=seed, windows=1)).codes[0]
+        options = InversionOptions(seed=seed, windows=1)
+        codes: NDArray[np.float32] = invert(self, motion, options, progress).codes[0]
         return codes
 
     # -- samples

@@ -17,6 +17,7 @@ import motiongen as mg
 from motiongen import rotations as rot
 from motiongen.datasets import Dataset
 from motiongen.errors import MotionGenError
+from motiongen.generators.base import Progress
 from motiongen.generators.modi.alignment import Track, bring, motions_of, standardised
 from motiongen.generators.modi.generator import MoDi
 from motiongen.generators.modi.inversion import Inversion, InversionOptions, body_of, descend, invert, judged, on_device
@@ -216,15 +217,17 @@ def test_the_same_seed_gives_the_same_codes(generator: MoDi) -> None:
 def test_the_generator_inverts_with_the_usual_options(generator: MoDi, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[InversionOptions] = []
 
-    def quick(generator: MoDi, motion: Motion, options: InversionOptions) -> Inversion:
+    def quick(generator: MoDi, motion: Motion, options: InversionOptions, progress: Progress | None) -> Inversion:
         asked.append(options)
-        return invert(generator, motion, replace(options, steps=2, candidates=4))
+        return invert(generator, motion, replace(options, steps=2, candidates=4), progress)
 
     monkeypatch.setattr("motiongen.generators.modi.inversion.invert", quick)
     clip = stride(2, frames=FRAMES)
     expected = invert(generator, clip, InversionOptions(seed=1, steps=2, candidates=4)).codes[0]
-    np.testing.assert_array_equal(generator.invert(clip, seed=1), expected)
+    shares: list[float] = []
+    np.testing.assert_array_equal(generator.invert(clip, seed=1, progress=shares.append), expected)
     assert asked[0].seed == 1
+    assert shares[-1] == 1.0
 
 
 def test_from_the_right_guess_nothing_is_left_to_find(generator: MoDi) -> None:
