@@ -1,8 +1,9 @@
-"""What a visitor of `motiongen serve` costs the server: `python -m tools.bench_serve [CLIP]`.
+"""What a visitor of `motiongen serve` costs the server: `python -m tools.bench_serve [CLIP] [--limits]`.
 
 The page plays a clip beside two copies of it to visitors without browsers, who only take what is sent. Beside it, what
 one frame of the stage costs before anything is sent, and the same written out plainly: a node for each bone, placed
-from the pose of the moment.
+from the pose of the moment. With `--limits`, how long work at the usual limits goes on that nobody can stop: a job ends
+when it next tells how far it is.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ import motiongen as mg
 from motiongen import kinematics
 from motiongen import rotations as rot
 from motiongen.web.clip_tab import example_clip
+from motiongen.web.limits import Limits
 from motiongen.web.server import Server
 from motiongen.web.stage import Actor, Stage
 from motiongen.web.visit import Visit
-from motiongen.web.wishes import Take
+from motiongen.web.wishes import Take, Wish, make_takes
 from tests.web.scenes import Client
 from tests.web.wire import visitor
 
@@ -114,13 +116,32 @@ def server_load(visitors: int) -> tuple[float, float]:
         return (time.process_time() - begun) / SECONDS, sum(counts) / SECONDS / 1e3 / visitors
 
 
+def unstoppable_seconds(clip: mg.Motion, clips: int) -> tuple[float, float, float]:
+    """Of the most frames from clips of the most frames: seconds of `fit`, between two calls of progress, and in all."""
+    limits = Limits()
+    frames = np.arange(limits.frames) % len(clip)
+    long = clip.replace(rotations=clip.rotations[frames], translations=clip.translations[frames])
+    moments = [time.perf_counter()]
+    generator = mg.create("genmm").fit([long.replace(name=str(number)) for number in range(clips)])
+    moments.append(time.perf_counter())
+    make_takes(generator, long, Wish(limits.frames), limits, lambda share: moments.append(time.perf_counter()))
+    waits = np.diff([*moments, time.perf_counter()])
+    return waits[0], waits[1:].max(), waits.sum()
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(prog="python -m tools.bench_serve", description=__doc__)
     parser.add_argument("clip", nargs="?", help="a clip in place of the bundled one")
+    parser.add_argument("--limits", action="store_true", help="only how long work cannot be stopped, at the limits")
     options = parser.parse_args()
     clip = mg.load(options.clip) if options.clip else example_clip()
     print(f"{clip.name}: {len(clip)} frames, {len(clip.skeleton)} joints\n")
+    if options.limits:
+        print("| clips learnt from | learning, s | longest step, s | in all, s |\n| ---: | ---: | ---: | ---: |")
+        for clips in (1, Limits().clips):
+            print(f"| {clips} | " + " | ".join(f"{each:.1f}" for each in unstoppable_seconds(clip, clips)) + " |")
+        return
     print("| on the stage | ms a frame | plainly | ratio |\n| --- | ---: | ---: | ---: |")
     for count in (1, 2, 4):
         stage = Stage(Client())
