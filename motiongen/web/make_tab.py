@@ -38,6 +38,7 @@ class MakeTab:
         self._name = gui.add_dropdown("Generator", tuple(self._specs))
         self._about = gui.add_html("")
         self._frames = gui.add_number("Frames", 1, min=1, max=desk.limits.frames, step=1, hint="Length of each motion")
+        self._length = gui.add_html("")
         self._count = gui.add_slider("Motions", 1, MOST_TAKES, 1, 2, hint="How many to make")
         self._seed = gui.add_number("Seed", 0, min=0, step=1, hint="The same seed gives the same motions")
         self._compare = gui.add_checkbox("A seed for each", False, hint="To compare seeds: this one, the next, ...")
@@ -55,6 +56,7 @@ class MakeTab:
         self._options: OptionFields | None = None
         self._choose()
         self._name.on_update(desk.act(self._choose))
+        self._frames.on_update(desk.act(self._show_length))
         make.on_click(desk.act(self._make))
         desk.listen(self._show)
 
@@ -137,6 +139,7 @@ class MakeTab:
     def _loaded(self, generator: Generator) -> None:
         if self.spec.capabilities.needs_training:
             put(self._frames, generator.usual_frames)
+            self._show_length()
 
     def _make(self) -> None:
         wish, find, limits = self._wish(), self.generator(), self._desk.limits
@@ -178,6 +181,16 @@ class MakeTab:
         self._frames.disabled = self.segment.segment is not None
         for fields in (self.loop, self.keys, self.segment, self.kept, self.path):
             fields.show(clip, offered)
+        self._show_length()
+
+    def _show_length(self) -> None:
+        """Say how long the motions will be in time, where it is known what that many frames are."""
+        said, clip, made = "", self._desk.clip, self._made
+        if not self.spec.capabilities.needs_training:
+            said = f"{self.frames / clip.frame_rate:.2f} s at the clip's {clip.frame_rate:g} Hz" if clip else ""
+        elif made is not None and made[0][0] == self.spec.name:
+            said = f"{self.frames / made[1].frame_rate:.2f} s at {made[1].frame_rate:g} Hz"
+        self._length.content = small(said) if said else ""
 
 
 def usable_specs() -> dict[str, GeneratorSpec]:

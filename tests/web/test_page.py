@@ -124,6 +124,15 @@ def test_scrubbing_goes_to_a_frame_and_back(page: Visitor) -> None:
 # -- making
 
 
+def test_the_length_is_said_in_seconds(page: Visitor) -> None:
+    page.open("Make")
+    page.sees("2.00 s at the clip's 30 Hz")
+    page.type("Frames", 75)
+    page.sees("2.50 s at the clip's 30 Hz")
+    page.type("Frames", 60)
+    page.sees("2.00 s at the clip's 30 Hz")
+
+
 def test_motions_are_made_and_stand_beside_the_clip(page: Visitor) -> None:
     before = page.at_frame(0)
     page.make(seed=1, motions=3)
