@@ -22,7 +22,7 @@ STAGE = {"x": 0, "y": 0, "width": 660, "height": 700}
 
 _ONLY_THE_STAGE = ".mantine-Notifications-root, [data-floating-window] { visibility: hidden !important; }"
 
-PATIENCE_SECONDS = 60.0
+PATIENCE_SECONDS = 180.0
 _STILL = 20
 """Differences of two pictures below this, of 255, are none."""
 
