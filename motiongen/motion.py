@@ -20,6 +20,9 @@ from motiongen.skeleton import Skeleton, frozen_array
 
 Array = NDArray[np.float64]
 
+MOST_FRAMES = 10_000_000
+"""Of what is made by calculation alone: a mistyped number must not ask for all of the memory."""
+
 METRES_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 """The length units that a motion can be in, and how long each is."""
 
@@ -230,6 +233,8 @@ class Motion:
             raise MotionGenError(f"frame_rate must be a positive number of Hz, not {frame_rate}")
         ratio = self.frame_rate / frame_rate
         count = math.floor((len(self) - 1) / ratio + 1e-6) + 1
+        if count > MOST_FRAMES:
+            raise MotionGenError(f"at {frame_rate:g} Hz there would be {count} frames, more than {MOST_FRAMES}")
         times = np.arange(count) * ratio  # in frames of this motion
         times = np.where(np.abs(times - np.round(times)) < 1e-6, np.round(times), times)
         before = np.minimum(times.astype(int), len(self) - 1)  # (T',)

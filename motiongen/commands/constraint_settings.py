@@ -110,6 +110,13 @@ def _segment(values: dict[str, Any], material: Material) -> Constraint:
     return Segment(material.clip(values["clip"]), values["start"], values["stop"])
 
 
+def _parts(values: dict[str, Any]) -> Constraint:
+    joints, examples = (_mapping(f"parts.{name}", values[name] or {}) for name in ("joints", "examples"))
+    for name, patterns in joints.items():
+        _list(f"parts.joints.{name}", patterns)
+    return Parts(joints, examples, values["preset"])
+
+
 _READERS: dict[str, Callable[[dict[str, Any], Material], Constraint]] = {
     "keyframes": _keyframes,
     "loop": lambda values, material: Loop(**values),
@@ -119,7 +126,7 @@ _READERS: dict[str, Callable[[dict[str, Any], Material], Constraint]] = {
     "continuation": lambda values, material: Continuation(material.clip(values["clip"])),
     "in_between": lambda values, material: InBetween(material.clip(values["before"]), material.clip(values["after"])),
     "style": lambda values, material: Style(material.clip(values["content"]), values["detail"]),
-    "parts": lambda values, material: Parts(values["joints"] or {}, values["examples"], values["preset"]),
+    "parts": lambda values, material: _parts(values),
 }
 
 
@@ -133,6 +140,12 @@ def _numbers(name: str, value: Any, default: Sequence[int]) -> list[int]:
     if not all(isinstance(number, int) and not isinstance(number, bool) for number in numbers):
         raise MotionGenError(f"{name} must be a list of whole numbers, such as [0, 30, 90], not {value!r}")
     return numbers
+
+
+def _mapping(name: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise MotionGenError(f"{name} must be names with what belongs to each, such as {{NAME: [...]}}, not {value!r}")
+    return dict(value)
 
 
 def _list(name: str, value: Any) -> list[Any]:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from motiongen import io
 from motiongen.commands.arguments import Parser, add_reading_arguments
-from motiongen.motion import METRES_PER_UNIT, UP_AXES
+from motiongen.io.glb.layout import GlbLayout
+from motiongen.motion import METRES_PER_UNIT, UP_AXES, Motion
 from motiongen.root_motion import in_place, split_root
 
 
@@ -28,6 +29,7 @@ def run(arguments: Sequence[str]) -> None:
     )
     options = parser.parse_args(arguments)
     motion = io.load(options.clip, up=options.up, unit=options.unit)
+    came = motion.file_layout
     if options.rate is not None:
         motion = motion.resample(options.rate)
     if options.mirror:
@@ -41,4 +43,18 @@ def run(arguments: Sequence[str]) -> None:
     if options.to_up is not None:
         motion = motion.change_up(options.to_up)
     motion.save(options.out)
+    for note in _notes(motion, options.out, came):
+        print(f"note: {note}")
     print(f"{options.out}: {len(motion)} frames at {motion.frame_rate:g} Hz, {len(motion.skeleton)} joints")
+
+
+def _notes(motion: Motion, out: str, came: object) -> list[str]:
+    """What a user may not expect of the file that was written."""
+    notes: list[str] = []
+    if not out.lower().endswith(".glb"):
+        return notes
+    if isinstance(came, GlbLayout) and motion.file_layout is None:
+        notes.append("meshes and materials were not kept: they hang on the skeleton as it was")
+    if motion.unit is None:
+        notes.append("the unit is not known, and lengths were written as they are; GLB is in metres, so say --unit")
+    return notes

@@ -112,7 +112,7 @@ def _direction(generator: Any, named: Attribute | None, values: Values) -> tuple
     from motiongen.generators.modi.directions import kept_direction, learn_direction, load_direction
 
     apart = [attribute_of(str(each)) for each in values["orthogonal_to"] or []]
-    path = values["direction"]
+    path = None if values["direction"] is None else Path(str(values["direction"]))
     if path is not None and apart:
         raise MotionGenError("orthogonal_to needs a direction that is learnt; leave out direction, or orthogonal_to")
     wanted = (named or attribute_of(DEFAULT_ATTRIBUTE)) if path is None else named

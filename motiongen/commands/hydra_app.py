@@ -97,6 +97,12 @@ def run_application(task: Callable[[DictConfig], None], config_name: str, argume
     except (HydraException, OmegaConfBaseException) as error:
         choices = [override for override in overrides if override.startswith(("generator=", "constraint=", "task="))]
         raise MotionGenError(_explained(error, config_name, choices)) from error
+    except ValueError as error:
+        if "Config group override" not in str(error):
+            raise
+        raise MotionGenError(
+            "a group is set to nothing; choose one, such as generator=genmm, or leave it out"
+        ) from error
     except BrokenPipeError:
         raise
     except OSError as error:  # Hydra makes the folder for results
@@ -112,6 +118,10 @@ def run_application(task: Callable[[DictConfig], None], config_name: str, argume
 
 def _refuse_unknown_flags(arguments: Sequence[str], config_name: str) -> None:
     for argument in arguments:
+        if argument.startswith("~") and not argument.startswith("~hydra"):
+            raise MotionGenError(
+                f"'{argument}' takes a setting away, and each is needed; {argument[1:]}=null is for nothing"
+            )
         flag = argument.split("=")[0]
         if flag.startswith("--") and not any(known.startswith(flag) for known in FLAGS):
             raise MotionGenError(

@@ -60,7 +60,7 @@ CONSTRAINT_SETTINGS: dict[str, dict[str, Any]] = {
     "continuation": {"clip": None},
     "in_between": {"before": ..., "after": ...},
     "style": {"content": ..., "detail": 0.25},
-    "parts": {"joints": None, "preset": "auto", "examples": {}},
+    "parts": {"joints": None, "preset": "auto", "examples": None},
 }
 """Likewise of the constraints, as in `configs/constraint`."""
 

@@ -19,9 +19,10 @@ from motiongen.commands.inputs import Inputs, load_examples, read_input
 from motiongen.commands.settings import (
     choice,
     chosen_generator,
-    clip_format,
     leaving_no_empty,
+    own_format,
     positive,
+    suffix_of,
     up_and_unit,
     whole,
 )
@@ -52,7 +53,7 @@ class Request:
     frames: int | None
     count: int
     seed: int
-    format: str
+    format: str | None
     preview: str
     preview_count: int
     preview_seconds: float
@@ -92,7 +93,7 @@ def read_request(config: DictConfig) -> Request:
         frames=None if frames is None else whole("frames", frames, 1),
         count=whole("count", values["count"], 1),
         seed=whole("seed", values["seed"], 0),
-        format=clip_format(values),
+        format=own_format(values),
         preview=_preview(values["preview"]),
         preview_count=whole("preview_count", values["preview_count"], 0),
         preview_seconds=positive("preview_seconds", values["preview_seconds"]),
@@ -132,7 +133,7 @@ def _sample(request: Request, folder: Path, composed: str, alone: bool) -> None:
         "credit": generator.credit,
     }
     with completing(folder, composed) as complete:
-        written = [folder / f"{motion.name}.{request.format}" for motion in motions]
+        written = [folder / f"{motion.name}.{suffix_of(motion, request.format)}" for motion in motions]
         for motion, path in zip(motions, written):
             motion.save(path)
         pictures = _draw(request, examples, motions, folder, alone)
@@ -203,7 +204,13 @@ def _default_frames(generator: Generator, constraints: Sequence[Constraint]) -> 
 
 
 def _constraints(config: DictConfig) -> dict[str, dict[str, Any]]:
+    if not OmegaConf.is_dict(config.constraints):
+        raise MotionGenError(f"constraints={config.constraints} says nothing; write constraint=NAME, such as loop")
     for kind, values in config.constraints.items():
+        if not OmegaConf.is_dict(values):
+            raise MotionGenError(
+                f"constraints.{kind}={values} says nothing; write constraint={kind}, and constraints.{kind}.KEY=VALUE"
+            )
         for key in values:
             if OmegaConf.is_missing(values, key):
                 raise MotionGenError(f"constraint={kind} needs constraints.{kind}.{key}=...; see configs/constraint")

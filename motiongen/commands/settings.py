@@ -10,7 +10,8 @@ from typing import Any
 from motiongen import io
 from motiongen.errors import MotionGenError
 from motiongen.generators.registry import GeneratorSpec, spec_of
-from motiongen.motion import METRES_PER_UNIT, UP_AXES
+from motiongen.io.glb.layout import GlbLayout
+from motiongen.motion import METRES_PER_UNIT, UP_AXES, Motion
 
 
 @contextmanager
@@ -49,6 +50,16 @@ def choice(name: str, value: Any, allowed: Sequence[Any]) -> Any:
 def clip_format(values: Mapping[str, Any]) -> str:
     """The suffix, without its dot, of the clips to write: the setting `format`."""
     return str(choice("format", values["format"], [suffix.lstrip(".") for suffix in io.formats()]))
+
+
+def own_format(values: Mapping[str, Any]) -> str | None:
+    """Likewise, where null stands for what the motions come from (see `suffix_of`)."""
+    return None if values["format"] is None else clip_format(values)
+
+
+def suffix_of(motion: Motion, asked: str | None) -> str:
+    """The suffix that was asked for, else glb for a motion that belongs into a GLB file, and bvh for any other."""
+    return asked or ("glb" if isinstance(motion.file_layout, GlbLayout) else "bvh")
 
 
 def up_and_unit(values: Mapping[str, Any]) -> tuple[str | None, str | None]:

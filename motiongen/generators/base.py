@@ -13,7 +13,7 @@ from motiongen.errors import MotionGenError
 from motiongen.features import layout_of
 from motiongen.generators.constraints import Constraint
 from motiongen.generators.options import Options
-from motiongen.motion import Motion
+from motiongen.motion import MOST_FRAMES, Motion
 from motiongen.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -127,6 +127,8 @@ class Generator(abc.ABC):
         for name, value, least in (("frames", frames, 1), ("count", count, 1)):
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
                 raise MotionGenError(f"{name} must be a whole number of at least {least}, not {value!r}")
+        if frames > MOST_FRAMES:
+            raise MotionGenError(f"{frames} frames are more than a motion can have, {MOST_FRAMES}; `stream` has no end")
         self.check_constraints(constraints)
         for constraint in constraints:
             constraint.check(skeleton, frames)

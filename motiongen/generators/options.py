@@ -114,6 +114,10 @@ class Options:
             MotionGenError: if a key is no option of this generator; the message names the nearest one.
         """
         names = [field.name for field in dataclasses.fields(cls)]
+        if not isinstance(values, Mapping):
+            raise MotionGenError(
+                f"options must be names with values, not {values!r}; the options are {', '.join(names)}"
+            )
         for key in values:
             if key not in names:
                 raise MotionGenError(

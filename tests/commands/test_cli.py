@@ -172,3 +172,16 @@ def test_completion_knows_commands_and_settings(
     assert "generator.alpha=" in complete("motiongen sample generator.a")
     for name, command in COMMANDS.items():
         assert ("generator." in complete(f"motiongen {name} ")) == command.settings
+
+
+def test_converting_says_what_is_not_expected(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    clip = mg.load(EXAMPLE_CLIP)[:10]
+    named, nameless, out = tmp_path / "m.glb", tmp_path / "none.bvh", tmp_path / "out.glb"
+    clip.replace(unit="m").save(named)
+    clip.replace(unit=None).save(nameless)
+    assert main(["convert", str(nameless), str(out)]) == 0
+    assert "note: the unit is not known" in capsys.readouterr().out
+    assert main(["convert", str(named), str(out), "--root-motion", "split"]) == 0
+    assert "note: meshes and materials were not kept" in capsys.readouterr().out
+    assert main(["convert", str(named), str(out), "--root-motion", "in-place"]) == 0
+    assert "note" not in capsys.readouterr().out

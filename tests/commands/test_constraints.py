@@ -118,6 +118,17 @@ def test_clips_named_in_settings_are_read(clip: Path, settings: list[str]) -> No
             ["Segment and Loop"],
         ),
         (["constraint=parts", "constraints.parts.joints={{arm: [nothing]}}"], ["no joint matches 'nothing'"]),
+        (["constraint=parts", "constraints.parts.joints=[Hips]"], ["parts.joints", "{NAME: [...]}", "['Hips']"]),
+        (["constraint=parts", "constraints.parts.joints={{arm: Hips}}"], ["parts.joints.arm", "list", "'Hips'"]),
+        (["constraint=parts", "constraints.parts.examples=5"], ["parts.examples", "{NAME: [...]}"]),
+        (["constraints=loop"], ["constraints=loop says nothing", "constraint=NAME"]),
+        (["constraints=null"], ["constraints=None says nothing"]),
+        (["constraint=loop", "constraints.loop=null"], ["constraints.loop=None says nothing", "constraint=loop"]),
+        (["constraint=keyframes", "constraints.keyframes=5"], ["constraints.keyframes=5 says nothing"]),
+        (["constraint=null"], ["a group is set to nothing"]),
+        (["generator=null"], ["a group is set to nothing"]),
+        (["~frames"], ["'~frames' takes a setting away", "frames=null"]),
+        (["frames=1000000000000"], ["more than a motion can have"]),
     ],
     ids=lambda value: value[-1] if isinstance(value, list) else None,
 )
@@ -132,3 +143,12 @@ def test_mistakes_in_constraints_cost_one_line(
     assert err.count("\n") == 1
     assert all(word in err for word in words), err
     assert not folder.exists()
+
+
+def test_parts_are_taken_from_chosen_examples(clip: Path) -> None:
+    settings = [
+        "constraint=parts",
+        "constraints.parts.joints={a: ['*'], b: ['*']}",
+        "constraints.parts.examples={a: [0]}",
+    ]
+    assert len(sample(clip, "frames=40", *settings)) == 40

@@ -189,3 +189,15 @@ def test_a_part_that_says_the_wrong_thing_is_refused(
     assert sample(f"input=[{clips[1]},{part}]") == 2
     said = capsys.readouterr().err
     assert all(word in said for word in words)
+
+
+def test_a_glb_character_comes_back_as_one(tmp_path: Path) -> None:
+    theirs = tmp_path / "theirs.glb"
+    mg.load(EXAMPLE_CLIP)[100:160].save(theirs)
+    common = [f"input={theirs}", "frames=20", "count=1", "preview=none"]
+    assert main(["sample", *common, f"output={tmp_path / 'as_it_came'}"]) == 0
+    made = mg.load(tmp_path / "as_it_came" / "sample_0000.glb")
+    assert len(made) == 20
+    assert "of 2 animations" in made.notes[0], "the file's own is there still"
+    assert main(["sample", *common, "format=bvh", f"output={tmp_path / 'as_asked'}"]) == 0
+    assert (tmp_path / "as_asked" / "sample_0000.bvh").is_file()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import copy
 import json
 import struct
 import tempfile
@@ -211,6 +213,39 @@ def test_a_new_motion_goes_back_into_the_file_it_came_from(seed: int) -> None:
     assert "of 2 animations" in again.notes[0]
 
 
+@given(st.integers(0, 2**31), st.sampled_from(["cm", "in"]))
+def test_in_another_unit_a_motion_goes_back_in_the_size_of_the_file(seed: int, unit: str) -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        foreign(np.random.default_rng(seed)).save(folder / "theirs.glb")
+        motion = mg.load(folder / "theirs.glb")
+        larger = motion.scale(1 / METRES_PER_UNIT[unit], unit)
+        saved(larger, folder)
+        again = mg.load(folder / "any.glb")
+        saved(mg.load(folder / "theirs.glb", unit="cm").scale(0.01, "m"), folder)
+        smaller = mg.load(folder / "any.glb")
+    for each in (again, smaller):
+        assert each.skeleton == motion.skeleton
+        np.testing.assert_allclose(each.positions, motion.positions, atol=1e-5)
+
+
+def test_data_that_stands_in_the_document_is_kept_and_added_to(tmp_path: Path) -> None:
+    container = foreign(np.random.default_rng(3))
+    container.save(tmp_path / "theirs.glb")
+    motion = mg.load(tmp_path / "theirs.glb")
+    held = copy.deepcopy(container.document)
+    text = base64.b64encode(container.binary).decode()
+    held["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{text}"
+    (tmp_path / "theirs.glb").unlink()
+    Container(held, bytearray()).save(tmp_path / "theirs.glb")
+    inside = mg.load(tmp_path / "theirs.glb")
+    np.testing.assert_array_equal(inside.positions, motion.positions)
+    written = read_container(saved(inside[::-1], tmp_path))
+    assert bytes(written.binary).startswith(bytes(container.binary))
+    assert "uri" not in written.document["buffers"][0]
+    np.testing.assert_allclose(mg.load(tmp_path / "any.glb").positions, motion.positions[::-1], atol=1e-5)
+
+
 def test_a_generator_gives_motions_that_go_back_into_the_file(tmp_path: Path) -> None:
     container = foreign(np.random.default_rng(1), frames=60)
     container.save(tmp_path / "theirs.glb")
@@ -292,8 +327,9 @@ def test_what_is_wrong_is_said(tmp_path: Path, change: Any, words: str) -> None:
     container = foreign(np.random.default_rng(0))
     change(container.document)
     container.save(tmp_path / "theirs.glb")
-    with pytest.raises(MotionGenError, match=words):
+    with pytest.raises(MotionGenError, match=words) as caught:
         mg.load(tmp_path / "theirs.glb")
+    assert str(caught.value).count("theirs.glb") == 1
 
 
 def test_few_keys_that_span_a_long_time_are_refused(tmp_path: Path) -> None:

@@ -38,8 +38,6 @@ class Source:
         self._at = 0
         if not self._fill():
             raise MotionGenError(f"{path}: this file is empty; a BVH file begins with HIERARCHY")
-        if self._text.startswith(UTF16_MARKS):
-            raise self.error("this is text in UTF-16; save it as UTF-8")
         self._text = self._text.removeprefix(UTF8_MARK)
 
     def error(self, what: str, line: int | None = None) -> MotionGenError:
@@ -87,7 +85,10 @@ class Source:
 
     def _fill(self) -> bool:
         """Append another block to the text that is left; False at the end of the file."""
+        at_beginning = self._file.tell() == 0
         block = self._file.read(BLOCK)
+        if at_beginning and block.startswith(UTF16_MARKS):  # which holds NUL bytes, too
+            raise self.error("this is text in UTF-16; save it as UTF-8")
         if block.endswith(b"\r"):
             block += self._file.read(1)  # a CRLF must not be cut in two
         if b"\0" in block:

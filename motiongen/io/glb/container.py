@@ -68,7 +68,7 @@ class Container:
             self._count(count * width)
             return np.zeros((count, width))
         view = self.item("bufferViews", spec["bufferView"])
-        data = self._buffer(view.get("buffer", 0))
+        data = self.buffer(view.get("buffer", 0))
         item = np.dtype(dtype).itemsize * width
         stride = view.get("byteStride", item)
         start = view.get("byteOffset", 0) + spec.get("byteOffset", 0)
@@ -100,7 +100,12 @@ class Container:
         found: dict[str, Any] = items[index]
         return found
 
-    def _buffer(self, index: int) -> bytes | bytearray:
+    def buffer(self, index: int) -> bytes | bytearray:
+        """The data of a buffer: the binary chunk, or what stands in the document.
+
+        Raises:
+            DamageError: if it lies elsewhere.
+        """
         uri = self.item("buffers", index).get("uri")
         if uri is None and index == 0:
             return self.binary
@@ -194,7 +199,11 @@ def _parsed(content: bytes) -> Container:
         unknown = sorted(set(document["extensionsRequired"]) - READABLE_EXTENSIONS)
         if unknown:
             raise DamageError(f"it needs the extension {unknown[0]}, which is not read")
-    return Container(document, bytearray(chunks.get(BINARY_CHUNK, b"")))
+    container = Container(document, bytearray(chunks.get(BINARY_CHUNK, b"")))
+    if document.get("buffers") and "uri" in container.item("buffers", 0):
+        container.binary = bytearray(container.buffer(0))  # what is added comes behind it
+        del container.item("buffers", 0)["uri"]
+    return container
 
 
 READABLE_EXTENSIONS = {

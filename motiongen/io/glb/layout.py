@@ -28,6 +28,7 @@ class GlbLayout:
         parent_rest: (J, 4) likewise of the node that it hangs from.
         parent_scale: (J,) how much larger things under that node are than they say.
         origin: (3,) where the node is that the root hangs from.
+        height: of the skeleton in the file, so that a motion in another unit finds its way back.
     """
 
     document: dict[str, Any]
@@ -37,6 +38,7 @@ class GlbLayout:
     parent_rest: Array
     parent_scale: Array
     origin: Array
+    height: float = 1.0
 
     def rotations_from_nodes(self, local: Array) -> Array:
         """(T, J, 4) of the nodes to those of a motion."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +78,8 @@ def read_glb(path: Path, up: str | None = None, unit: str | None = None) -> Moti
     container = read_container(path)
     try:
         return _motion(container, path, unit)
+    except MotionGenError:
+        raise
     except (DamageError, KeyError, TypeError, ValueError, IndexError, RecursionError) as error:
         raise MotionGenError(f"{path}: the file is damaged or not made for this ({error}); export it anew") from error
 
@@ -92,6 +94,7 @@ def _motion(container: Container, path: Path, unit: str | None) -> Motion:
     order = _joints(container, nodes, moving or {node for node, what in tracks if what != "scale"})
     layout = _layout(container, nodes, order)
     skeleton = _skeleton(container, nodes, order, layout, path)
+    layout = replace(layout, height=skeleton.height)
     rate, frames, start = _grid(tracks, path)
     if frames * len(order) > max(MOST_POSES, len(container.binary)):
         raise MotionGenError(f"{path}: {frames} frames of {len(order)} joints are too many for its keys; export fewer")

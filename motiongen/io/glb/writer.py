@@ -31,13 +31,14 @@ def write_glb(motion: Motion, path: Path) -> None:
     """Write a GLB file (see `motiongen.io.save`): y up, in metres where the unit is known.
 
     A motion whose file layout is a GLB file's is put into that file as its first animation: meshes, materials and all
-    else stay as they were.
+    else stay as they were, in the size that they have there.
     """
     layout = motion.file_layout
     if isinstance(layout, GlbLayout) and len(layout.nodes) == len(motion.skeleton):
         container = Container(copy.deepcopy(layout.document), bytearray(layout.binary))
         rotations = layout.rotations_to_nodes(motion.rotations)
-        translations = layout.translations_to_nodes(motion.translations, motion.translating)
+        grown = motion.skeleton.height / layout.height if layout.height else 1.0  # in another unit, or made larger
+        translations = layout.translations_to_nodes(motion.translations / grown, motion.translating)
         nodes = layout.nodes
     else:
         in_metres = motion if motion.unit is None else motion.scale(METRES_PER_UNIT[motion.unit], "m")
