@@ -31,16 +31,23 @@ class Cloakroom:
 
     def fetch(self, ticket: str) -> Belongings | None:
         """What was left last under a ticket; it is given out once. None if there is nothing, or it does not come."""
+        while (belongings := self._taken(ticket)) is not None:
+            wait([belongings], PATIENCE_SECONDS)
+            if not belongings.done():
+                return None
+            if (left := belongings.result()) is not None:
+                return left
+        return None
+
+    def _taken(self, ticket: str) -> Coming | None:
         with self._lock:
             mine = [each for each in self._kept if each[0] == ticket]
             if not mine:
                 return None
             self._kept.remove(mine[-1])
-        belongings = mine[-1][1]
-        wait([belongings], PATIENCE_SECONDS)
-        return belongings.result() if belongings.done() else None
+            return mine[-1][1]
 
-    def forget(self, belongings: Coming) -> None:
+    def forget(self, belongings: Coming | None) -> None:
         """Throw away what is there still."""
         with self._lock:
             self._kept = deque((each for each in self._kept if each[1] is not belongings), self._kept.maxlen)

@@ -186,12 +186,15 @@ class Desk:
             read, _ = self._kept.pop(name)
             self._awaited.setdefault(name, read())
 
+    def values(self) -> dict[str, Any]:
+        """What is kept, by name."""
+        return {**self._awaited, **{name: read() for name, (read, _) in self._kept.items()}}
+
     def leave(self) -> Belongings:
         """Stop all work, and give what is to be kept."""
         with self.lock:
             stopped = [job.title for job in self.jobs]
-            values = {**self._awaited, **{name: read() for name, (read, _) in self._kept.items()}}
-            left = Belongings(tuple(self.clips), self._chosen, tuple(self.takes), values, stopped)
+            left = Belongings(tuple(self.clips), self._chosen, tuple(self.takes), self.values(), stopped)
         self.cancel()
         return left
 

@@ -75,8 +75,10 @@ class Job:
         self.state = State.RUNNING
         try:
             advance(0.0)
-            self.result = self._work(advance)
-            self.share, self.state = 1.0, State.DONE
+            result = self._work(advance)
+            if self._unwanted.is_set():
+                raise CancelledError
+            self.result, self.share, self.state = result, 1.0, State.DONE
         except CancelledError:
             self.state = State.CANCELLED
         except MotionGenError as error:
@@ -192,6 +194,7 @@ class JobQueue:
             job.run(self._seconds)
             with self._changed:
                 self._running = None
+            del job  # and with it what it has made, which may be waited long for the next one
 
     def _next(self) -> Job | None:
         """The next job: the first of the owner who was served longest ago; None when the queue is closed."""

@@ -46,6 +46,7 @@ class LatentTab:
         self._take: Take | None = None
         self._inverted: _Inverted | None = None
         self._space: Space | None = None
+        self._coming_again = False
         self._strengths: dict[str, viser.GuiSliderHandle] = {}
         gui = desk.client.gui
         self._about = gui.add_html(small("Choose a generator with a latent space under Make, such as modi."))
@@ -86,7 +87,7 @@ class LatentTab:
             field.on_update(act(self._move))
             self._desk.keep_field(f"latent/{name}", field)
         self._coarse.on_update(act(self._move))  # kept when it is known how many layers there are
-        self._desk.keep("latent/shown", lambda: (self._take, self._inverted), self._go_back_to)
+        self._desk.keep("latent/shown", lambda: (self._take, self._inverted, self._space is not None), self._go_back_to)
         invert.on_click(act(self._invert))
         keep.on_click(act(self._keep))
         reset.on_click(act(self._reset))
@@ -96,10 +97,11 @@ class LatentTab:
     def _chosen(self) -> None:
         spaced = self._make.spec.capabilities.has_latent_space
         self._about.visible, self._fields.visible = not spaced, spaced
+        self._space = None
         if spaced:
             find: Any = self._make.generator()
             title = f"loading {self._make.spec.name}"
-            self._desk.start(title, lambda progress: space_of(find()), self._ready, "latent")
+            self._desk.start(title, lambda progress: space_of(find()), self._ready, "space")
 
     def _ready(self, space: Space) -> None:
         """Show sliders for the layers and directions of the generator."""
@@ -110,7 +112,9 @@ class LatentTab:
         self._detail.visible, self._more.visible = space.layers > 1, bool(space.directions)
         self._coarse.max = max(space.layers, 1)
         put(self._coarse, self._coarse.max)
-        self._desk.keep_field(f"{_OF_SPACE}layers", self._coarse)
+        own = f"{_OF_SPACE}{self._make.spec.name}/"
+        if space.layers:
+            self._desk.keep_field(f"{own}layers", self._coarse)
         for slider in self._strengths.values():
             slider.remove()
         summaries = {name: each.summary for name, each in attributes().items()}
@@ -122,11 +126,15 @@ class LatentTab:
             }
         for name, slider in self._strengths.items():
             slider.on_update(self._desk.act(self._move))
-            self._desk.keep_field(f"{_OF_SPACE}more of {name}", slider)
-        self._move()
+            self._desk.keep_field(f"{own}more of {name}", slider)
+        gone = self._coming_again and not any(each is self._take for each in self._desk.takes)
+        self._coming_again = False
+        if not gone:
+            self._move()
 
-    def _go_back_to(self, shown: tuple[Take | None, _Inverted | None]) -> None:
-        self._take, self._inverted = shown
+    def _go_back_to(self, shown: tuple[Take | None, _Inverted | None, bool]) -> None:
+        """Where another page was; a motion that was kept or made way for others there does not come again."""
+        self._take, self._inverted, self._coming_again = shown
 
     # -- what the visitor does
 

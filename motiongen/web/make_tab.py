@@ -112,11 +112,13 @@ class MakeTab:
             self._desk.start(f"loading {self.spec.name}", self._load, self._loaded, "load")
         elif self._desk.clip is not None:
             put(self._frames, len(self._desk.clip))
+        self._tell()  # last: whatever others make of it comes after the length
 
     def _go_back_to(self, name: str) -> None:
         """Likewise on a page that takes the place of another one; the length comes from there."""
         put(self._name, name)
         self._show_generator()
+        self._tell()
 
     def _show_generator(self) -> None:
         """Show the fields of the generator that is chosen."""
@@ -129,6 +131,9 @@ class MakeTab:
             self._options = OptionFields(self._desk.client.gui, spec.options_type())
         for name, field in self._options.fields.items():
             self._desk.keep_field(f"{_OPTIONS}{spec.name}/{name}", field)
+
+    def _tell(self) -> None:
+        """Tell the others which generator is chosen."""
         for told in self._chosen:
             told()
         self._show()

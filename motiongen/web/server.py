@@ -8,6 +8,7 @@ import secrets
 import socket
 import threading
 import traceback
+import weakref
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Protocol
@@ -86,6 +87,8 @@ class Server:
         self._guard.viser.gui.configure_theme(
             dark_mode=False, show_logo=False, show_share_button=False, brand_color=BRAND_COLOUR
         )
+        # A page that hears of this together with its first camera takes it into account; later ones may be too late.
+        self._guard.viser.scene.set_up_direction("+y")
         self._guard.viser.on_client_disconnect(self._left)
         self._guard.viser.on_client_connect(self._came)
 
@@ -123,7 +126,9 @@ class Server:
         seat.leave()
         if seat.ticket is not None:  # before it is cleared: they may come again in the next moment
             self._cloakroom.keep(seat.ticket, seat.belongings)
-            asyncio.get_running_loop().call_later(KEPT_SECONDS, self._cloakroom.forget, seat.belongings)
+            # What is given out or makes room for others must not live on for the timer's sake.
+            known = weakref.ref(seat.belongings)
+            asyncio.get_running_loop().call_later(KEPT_SECONDS, lambda: self._cloakroom.forget(known()))
         _start(self._clear, seat)
 
     def _receive(self, seat: _Seat) -> None:

@@ -112,10 +112,10 @@ class TakesTab:
         before, everything = self.number, shown(self._desk)
         motions = [each.motion for each in everything]
         labels = tuple(each.label for each in everything) or (_NONE,)
-        if self._choice.options != labels:
-            # New takes are looked at first, then whatever was looked at before; where that has gone, the next.
-            known = {id(motion) for motion in self._known}
-            new = [i for i, each in enumerate(everything) if each.take is not None and id(each.motion) not in known]
+        # New takes are looked at first, then whatever was looked at before; where that has gone, the next.
+        known = {id(motion) for motion in self._known}
+        new = [i for i, each in enumerate(everything) if each.take is not None and id(each.motion) not in known]
+        if new or self._choice.options != labels:
             same = [i for i, motion in enumerate(motions) if motion is self._looked_at]
             self._choice.options = labels
             put(self._choice, labels[[*new, *same, min(before, len(labels) - 1)][0]])

@@ -131,8 +131,8 @@ class Timeline:
     def _slid(self, event: viser.GuiEvent) -> None:
         if event.client_id is not None:  # and not our own moving it along
             with self._lock:
-                self._pause()
                 self._seconds = min(max(float(self._slider.value) / self._rate, 0.0), self._last)
+                self._pause()
 
     def _pressing(self, button: str) -> Callable[[Any], None]:
         return lambda _: self._press(button)
@@ -150,6 +150,7 @@ class Timeline:
     def _pause(self, paused: bool = True) -> None:
         if self.playing == paused:
             self.playing = not paused
+            self._show()  # while it plays the slider lags behind
             self._draw()
 
     # -- drawing

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from typing import Any
 
 import viser
 
@@ -50,10 +51,13 @@ class Visit:
         self._followed: int | None = None
         self._contacts: tuple[Motion, dict[str, Labels]] | None = None
         self._left = threading.Event()
+        self._clips_at_first: list[int] = []
+        self._values_at_first: dict[str, Any] = {}
         with desk.lock:  # whatever the visitor does waits until everything is there
             self._build(client)
             if left is None:
                 desk.add_clip(example_clip())
+                self._clips_at_first, self._values_at_first = list(map(id, desk.clips)), desk.values()
             else:
                 desk.take_up(left)
                 desk.say("Here again", _again(left), "green")
@@ -79,10 +83,13 @@ class Visit:
             self._view = ViewTab(desk, self._stage)
         desk.listen(self._show)
 
-    def close(self) -> Belongings:
+    def close(self) -> Belongings | None:
         """The visitor has left: stop what is made for them; returns what they are to find when they come again."""
         self._left.set()
-        return self._desk.leave()
+        left = self._desk.leave()
+        # An empty page that came while the one before was still held must not hide what that one leaves.
+        same = list(map(id, left.clips)) == self._clips_at_first and left.values == self._values_at_first
+        return None if same and not left.takes else left
 
     def _show(self) -> None:
         """Bring stage and timeline up to date."""
@@ -101,7 +108,11 @@ class Visit:
         if everything:
             motion = everything[self._takes.number].motion
             self._timeline.span(len(motion), motion.frame_rate)
-        if clip is not None:
+        else:
+            self._timeline.span(1, 30.0)
+        if clip is None:
+            self._timeline.mark(Marks())
+        else:
             asked = self._make
             self._timeline.mark(Marks(clip.frame_rate, asked.keys.keys, asked.segment.segment, self._standing(clip)))
 

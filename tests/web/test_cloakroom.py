@@ -27,6 +27,13 @@ def test_what_was_left_last_is_given_out_first_and_once() -> None:
     assert room.fetch("c") is None
 
 
+def test_who_left_nothing_finds_what_they_left_before() -> None:
+    room = Cloakroom(places=4)
+    for value in ("first", None, None):
+        room.keep("a", known(value))
+    assert [room.fetch("a") for _ in range(2)] == ["first", None]
+
+
 def test_there_are_only_so_many_places() -> None:
     room = Cloakroom(places=2)
     for ticket in "abc":

@@ -154,6 +154,23 @@ def test_cancelling_ends_what_waits_at_once_and_what_runs_when_it_tells_how_far_
     assert third.state is State.DONE, "what is over stays as it is"
 
 
+def test_what_was_cancelled_has_no_result_even_where_it_never_told_how_far_it_is(queue: JobQueue) -> None:
+    began, go_on = threading.Event(), threading.Event()
+
+    def silent(progress: Progress) -> str:
+        began.set()
+        assert go_on.wait(PATIENCE_SECONDS)
+        return "made"
+
+    desk = Desk(queue)
+    job = desk.submit("a", "silent", silent)
+    assert began.wait(PATIENCE_SECONDS)
+    queue.cancel(job)
+    go_on.set()
+    assert job.wait(PATIENCE_SECONDS)
+    assert (job.state, job.result) == (State.CANCELLED, None)
+
+
 def test_cancelling_all_is_of_one_owner_alone(queue: JobQueue, desk: Desk) -> None:
     gate = Gate()
     mine = [desk.submit("me", "mine", gate), desk.submit("me", "mine"), desk.submit("me", "mine")]

@@ -147,6 +147,26 @@ def test_a_clip_is_inverted_for_one_generator(queue: JobQueue) -> None:
     assert "press 'Invert the clip' first" in page.client.said[0].body
 
 
+def test_a_motion_that_was_kept_does_not_come_again(queue: JobQueue) -> None:
+    page = Page(queue)
+    page.make.choose("jumping")
+    page.wait()
+    page.fields("Keep this motion")[0].move()
+    again = Page(queue, page.desk.leave())
+    again.wait()
+    assert [take.accepted for take in again.desk.takes] == [True]
+    again.fields("Away from the mean")[0].move(0.0)
+    np.testing.assert_allclose(again.code(), 0.5, atol=1e-5)
+
+
+def test_a_slider_that_is_moved_too_early_does_not_stop_the_loading(queue: JobQueue) -> None:
+    page = Page(queue)
+    with page.desk.lock:  # nothing that is loaded can be taken over meanwhile
+        page.make.choose("jumping")
+        page.fields("Away from the mean")[0].move(0.0)
+    np.testing.assert_allclose(page.code(), 0.5, atol=1e-5)
+
+
 def test_another_page_goes_on_at_the_same_place(queue: JobQueue) -> None:
     page = Page(queue)
     page.make.choose("jumping")

@@ -348,6 +348,8 @@ def with_modi(page: Visitor) -> Iterator[Visitor]:
     page.open("Takes")
     page.wait_for(lambda: "seed 0" in page.options("Motion"), "the first motion does not come")
     page.ready()
+    page.choose("Motion", "seed 0")
+    page.sees(re.compile("^64 frames"))
     yield page
     page.open("Latent")
     page.press("Back to the start")

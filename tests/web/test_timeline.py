@@ -100,6 +100,15 @@ def test_stepping_through_a_clip_meets_every_frame() -> None:
     assert met == list(range(200))
 
 
+def test_what_is_shown_when_it_stops_is_where_it_stands() -> None:
+    made, gui = timeline()
+    made.advance(0.5)
+    assert slider(gui).value == 0, "while it plays the slider is moved by `refresh`"
+    gui[""].move("Play / pause")
+    assert (made.playing, slider(gui).value) == (False, made.frame)
+    assert made.frame == 15
+
+
 def test_a_visitor_who_drags_the_slider_stops_it_there() -> None:
     made, gui = timeline()
     slider(gui).move(17)
