@@ -19,7 +19,8 @@ from motiongen.web.fields import put
 SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x")
 
 _START, _BACK, _PLAY, _ON, _END = "|<", "<", "Play / pause", ">", ">|"
-_HOTKEYS: dict[str, Any] = {_PLAY: "space", _BACK: "arrowleft", _ON: "arrowright", _START: "home", _END: "end"}
+_HOTKEYS: dict[str, Any] = {_PLAY: "space", _BACK: "pageup", _ON: "pagedown", _START: "home", _END: "end"}
+"""The arrow keys are viser's, for its camera."""
 _LEAST_WIDTH, _WIDTH, _MARGIN = 340, 640, 15
 _BEFORE_SLIDER, _AFTER_SLIDER = 120, 66
 """Where the slider begins and ends in the window, in pixels: the strip above it is to be in line with it."""
