@@ -313,3 +313,11 @@ def test_a_function_in_a_users_file(tmp_path: Path) -> None:
     path.write_text("1 / 0")
     with pytest.raises(MotionGenError, match=r"running it failed \(ZeroDivisionError: division by zero\)"):
         attribute_of(f"{path}:plain")
+
+
+@pytest.mark.parametrize("wrong", [lambda motion: 1 / 0, lambda motion: None, lambda motion: [1.0, 2.0]])
+def test_a_function_that_fails_costs_one_line(wrong: Any) -> None:
+    broken = registry.Attribute("broken", "of no use", wrong)
+    with pytest.raises(MotionGenError, match=r"^attribute 'broken' fails for '.*' \(\w+Error: .*\)$") as caught:
+        broken.score(posed({}))
+    assert "\n" not in str(caught.value)

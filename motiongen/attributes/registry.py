@@ -40,10 +40,16 @@ class Attribute:
         """How much the motion has of it.
 
         Raises:
-            MotionGenError: if the skeleton lacks a joint that it needs, the clip is too short, or the score is no
-                finite number.
+            MotionGenError: if the skeleton lacks a joint that it needs, the clip is too short, the function fails, or
+                the score is no finite number.
         """
-        value = float(self.function(motion))
+        try:
+            value = float(self.function(motion))
+        except MotionGenError:
+            raise
+        except Exception as error:  # of somebody's own function
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise MotionGenError(f"attribute '{self.name}' fails for '{motion.name}' ({reason})") from error
         if not math.isfinite(value):
             raise MotionGenError(f"attribute '{self.name}' gives {value} for '{motion.name}'; scores must be finite")
         return value

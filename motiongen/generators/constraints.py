@@ -16,6 +16,9 @@ from motiongen.errors import MotionGenError, nearest_of
 from motiongen.motion import Motion
 from motiongen.skeleton import Skeleton, frozen_array
 
+_FARTHEST = 1e9
+"""Of a root path, in any unit: beyond, numbers no longer tell one step from the next."""
+
 
 @dataclass(frozen=True)
 class Constraint:
@@ -127,6 +130,8 @@ class RootPath(Constraint):
             raise MotionGenError(f"a root path needs at least two points, not {len(points)}")
         if (points == points[0]).all():
             raise MotionGenError(f"a root path needs two different points; all {len(points)} are {points[0].tolist()}")
+        if np.abs(points).max() > _FARTHEST:
+            raise MotionGenError(f"a point of the root path is {np.abs(points).max():g} away; nothing goes so far")
         object.__setattr__(self, "points", points)
         if self.facing_radians is not None:
             facing = frozen_array(self.facing_radians, (len(points),), "facing_radians of the root path")

@@ -181,6 +181,7 @@ def test_it_can_be_cancelled_from_its_progress(generator: Generator) -> None:
         (Wish(150, kept=("Hips",)), "has 140 frames, 150 are asked for"),
         (Wish(50, path=((0.0, 0.0),)), "needs at least two points"),
         (Wish(50, path=((1.0, 1.0), (1.0, 1.0))), "two different points"),
+        (Wish(50, path=((0.0, 0.0), (0.0, 1e300))), "1e+300 away; nothing goes so far"),
     ],
 )
 def test_what_does_not_go_is_said_in_one_line(generator: Generator, wish: Wish, words: str) -> None:
