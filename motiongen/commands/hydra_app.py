@@ -72,7 +72,7 @@ def run_application(task: Callable[[DictConfig], None], config_name: str, argume
     Raises:
         MotionGenError: for anything that is wrong with the arguments or the configuration.
     """
-    _refuse_unknown_flags(arguments, config_name)
+    _check_arguments(arguments, config_name)
     _offer_plug_ins()
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # exceptions come through, for us to put in words
     register_sweeper()
@@ -116,7 +116,7 @@ def run_application(task: Callable[[DictConfig], None], config_name: str, argume
         raise mistakes[0]
 
 
-def _refuse_unknown_flags(arguments: Sequence[str], config_name: str) -> None:
+def _check_arguments(arguments: Sequence[str], config_name: str) -> None:
     for argument in arguments:
         if argument.startswith("~") and not argument.startswith("~hydra"):
             raise MotionGenError(

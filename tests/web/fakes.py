@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
@@ -31,8 +30,8 @@ class Handle:
         for heard in self._heard:
             heard(SimpleNamespace(client_id=visitor, target=self))
 
-    def add_tab(self, label: str, icon: Any = None) -> Any:
-        return _within(self)
+    def add_tab(self, label: str, icon: Any = None) -> Handle:
+        return self
 
     def __enter__(self) -> Handle:
         return self
@@ -40,11 +39,6 @@ class Handle:
     def __exit__(self, *_: object) -> None: ...
 
     def float(self, **place: int) -> None: ...
-
-
-@contextmanager
-def _within(handle: Handle) -> Any:
-    yield handle
 
 
 class Gui:

@@ -18,16 +18,12 @@ import viser
 from motiongen.web import guard, screening
 from motiongen.web.limits import Limits
 from motiongen.web.server import Server
-from tests.web.pages import Page, forget_pages, page, update
+from tests.web.pages import Page, page, update
 from tests.web.wire import CAMERA, Deaf, hear, hear_the_end, say, visitor, wait_until, wait_until_still
 
 PART = 512 * 1024
 
-
-@pytest.fixture(autouse=True)
-def _forgotten_pages() -> Iterator[None]:
-    yield
-    forget_pages()
+pytestmark = pytest.mark.usefixtures("forgotten_pages")
 
 
 @pytest.fixture(scope="module")

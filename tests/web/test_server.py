@@ -21,17 +21,13 @@ import motiongen.web.server
 from motiongen.errors import MotionGenError
 from motiongen.web.limits import Limits
 from motiongen.web.server import Server
-from tests.web.pages import Page, forget_pages, page, visits_under_way
+from tests.web.pages import Page, page, visits_under_way
 from tests.web.wire import Deaf, get, hear, hear_the_end, visitor, wait_until
 
 TOKEN = "a-long-enough-token"
 PROTOCOL = f"viser-v{viser.__version__}"
 
-
-@pytest.fixture(autouse=True)
-def _forgotten_pages() -> Iterator[None]:
-    yield
-    forget_pages()
+pytestmark = pytest.mark.usefixtures("forgotten_pages")
 
 
 @pytest.fixture(scope="module")
